@@ -63,16 +63,9 @@ def run(
     return _opened(summary)
 
 
-def resume(
-    rundir: Place,
-    *,
-    threads: int = 1,
-    max_wall: float | None = None,
-    progress: bool = False,
-) -> Run:
+def resume(rundir: Place, *, threads: int = 1, max_wall: float | None = None, progress: bool = False) -> Run:
     """Continue a stopped or killed run, to the same result within the solver's tolerance; see `run`."""
-    summary = _call("run.resume", threads, _named(rundir), max_wall=max_wall, progress=progress)
-    return _opened(summary)
+    return _opened(_call("run.resume", threads, _named(rundir), max_wall=max_wall, progress=progress))
 
 
 def check(

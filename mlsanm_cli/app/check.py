@@ -55,7 +55,6 @@ def check(
         console.note(f"picture written to {picture}")
     unknowns = sum(int(p.candidate.sum()) * (2 if p.friction else 1) for p in prepared.pairings)
     nodes = sum(int(body["nodes"]) for body in quality.bodies.values())
-    seconds = clock.seconds
     return {
         "case": str(case_path),
         "title": case.title,
@@ -86,7 +85,7 @@ def check(
         "boundaries": _conditions(case),
         "notes": [*prepared.notes, *_notes(prepared, quality, warnings)],
         "warnings": warnings,
-        "seconds": {phase: seconds[phase] for phase in ("jit", "cloud", "operators")},
+        "seconds": {phase: clock.seconds[phase] for phase in ("jit", "cloud", "operators")},
         "threads": threads,
     }
 

@@ -13,9 +13,8 @@ from mlsanm_cli.app.checks.references import read_case
 from mlsanm_cli.app.context import Clock, Console, RunContext
 from mlsanm_cli.app.output.analysis import Analysis, Ending
 from mlsanm_cli.app.output.recorder import EarlierRun, Recorder, attributes, interrupted_run, summarise
-from mlsanm_cli.app.scene.build import build_scene
+from mlsanm_cli.app.scene.build import Refinement, build_scene
 from mlsanm_cli.app.scene.outlines import geometry_of
-from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.case import LoadedCase, parse_case
 from mlsanm_cli.errors import Interrupted, NumericalError, RunError, UnfinishedError, WriteError
 from mlsanm_cli.io import run_dir

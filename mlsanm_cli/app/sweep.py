@@ -84,11 +84,8 @@ def outcome(point: SweepPoint, status: str, reason: str, warnings: int = 0) -> M
     }
 
 
-@lru_cache(maxsize=1)
-def process_memo(memory: int) -> Memo:
-    return Memo(memory)
-
-
+process_memo = lru_cache(maxsize=1)(Memo)
+"""The memo of a process; all points of a sweep have the same size of it."""
 MAX_ATTEMPTS = 3
 """Number of times that the process of a point may die: the point may be the cause."""
 

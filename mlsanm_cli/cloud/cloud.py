@@ -1,4 +1,4 @@
-"""The node cloud of one body, its symmetry and its quality figures."""
+"""The node cloud of one body, its symmetry, and its images if it is revolved about the line x = 0."""
 
 from __future__ import annotations
 
@@ -12,9 +12,7 @@ from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import Faces, Halves, dual_faces
-from mlsanm_cli.cloud.membership import boundary_chords, cross, inside_body, joints, twice_area
-from mlsanm_cli.cloud.revolution import imaged, radius_of, with_images
-from mlsanm_cli.cloud.search import nearest
+from mlsanm_cli.cloud.membership import boundary_chords, inside_body, joints, twice_area
 from mlsanm_cli.cloud.sight import VisibilityCriterion, triangulate, visibility_criterion
 from mlsanm_cli.cloud.surface import SMOOTH_ANGLE, Surface, boundary_of
 from mlsanm_cli.cloud.tips import Tips, tips_of
@@ -22,13 +20,13 @@ from mlsanm_cli.memo import digest
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
+BATCH_SIZE = 8192
+"""Points of a long compiled call, so that signals are handled meanwhile: a few hundredths of a second."""
 FLAT_RADIUS = 10.0
 """Concave curves with a radius above this many times the body's extent count as flat."""
 NEIGHBORS = 6
 MAX_FACING, OPPOSITE_COSINE = 32, 0.9
 """Nearest boundary nodes searched for one on the opposite side, and the least -n1.n2 of such a pair."""
-TRIANGLES = 256
-"""Triangles processed at once in the search for the largest hole, largest first."""
 MAX_ACUTE_ANGLE = math.pi / 3.0
 """Interior angle (radian) below which nodes next to a corner are closer than a spacing."""
 
@@ -45,7 +43,7 @@ class SymmetryLine:
 
     def reflect(self, points: FloatArray) -> FloatArray:
         """Mirror images (n, 2) of ``points`` (n, 2)."""
-        return self.signs * points + self.shift
+        return self.signs * points + self.at * (1.0 - self.signs)
 
     @property
     def signs(self) -> FloatArray:
@@ -53,11 +51,6 @@ class SymmetryLine:
         signs = np.ones(2)
         signs[self.axis] = -1.0
         return signs
-
-    @property
-    def shift(self) -> FloatArray:
-        """Mirror image (2,) of the origin."""
-        return self.at * (1.0 - self.signs)
 
     def contains(self, points: FloatArray) -> bool:
         """Whether all ``points`` (n, 2) are on the line."""
@@ -325,39 +318,12 @@ class Cloud:
         return self.areas * self.around(self.points)
 
 
-def measure(cloud: Cloud) -> dict[str, float]:
-    """Quality figures of a cloud: numbers of ``nodes`` and ``boundary_nodes``; over the local spacing the
-    ``closest`` distance of two nodes and the radius of the largest ``hole``, an empty circle; ``growth``, the
-    largest spacing difference of neighbours over their distance."""
-    corners = cloud.points[cloud.triangles]
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    ab, ac = b - a, c - a
-    twice = 2.0 * cross(ab, ac)
-    ab2, ac2 = (ab**2).sum(axis=1), (ac**2).sum(axis=1)
-    x = (ac[:, 1] * ab2 - ab[:, 1] * ac2) / twice
-    y = (ab[:, 0] * ac2 - ac[:, 0] * ab2) / twice
-    center, radius = a + np.stack([x, y], axis=1), np.hypot(x, y)
-    # Flat triangles along the outline have their centres outside. A centre is inside if it lies behind the
-    # tangent at the nearest boundary node.
-    normals = np.zeros_like(cloud.points)
-    for surface in cloud.surfaces.values():
-        normals[surface.index] += surface.normal
-    boundary = cloud.boundary_nodes
-    outline = cKDTree(cloud.points[boundary])
-    # Upper bounds: the nearest node of a circumcentre is a corner of the triangle.
-    most = radius / cloud.spacing[cloud.triangles].min(axis=1)
-    largest, order = 0.0, np.argsort(-most)
-    for some in np.split(order, range(TRIANGLES, len(order), TRIANGLES)):
-        near = boundary[nearest(outline, center[some])[1]]
-        inside = ((center[some] - cloud.points[near]) * normals[near]).sum(axis=1) < 0.0
-        # Opened slits are not Delaunay: nodes may lie within circumcircles.
-        away, node = nearest(cloud.tree, center[some])
-        largest = float((away / cloud.spacing[node])[inside].max(initial=largest))
-        if largest >= most[some[-1]]:
-            break
-    closest, growth = cloud.separation
-    counts = {"nodes": len(cloud.points), "boundary_nodes": len(cloud.boundary_nodes)}
-    return counts | {"closest": float(closest.min()), "hole": largest, "growth": growth}
+def nearest(tree: cKDTree, points: FloatArray, k: int | IntArray = 1) -> tuple[FloatArray, IntArray]:
+    """Distances and indices of the ``k`` nodes of a ``tree`` nearest to ``points`` (n, 2), in batches: (n,)
+    for k = 1, otherwise (n, k)."""
+    batches = np.split(points, range(BATCH_SIZE, len(points), BATCH_SIZE))
+    distances, indices = zip(*(tree.query(batch, k=k) for batch in batches), strict=True)
+    return np.concatenate(distances), np.concatenate(indices)
 
 
 def continuations(cloud: Cloud, surface: Surface) -> Iterator[tuple[int, str]]:
@@ -375,3 +341,28 @@ def continuations(cloud: Cloud, surface: Surface) -> Iterator[tuple[int, str]]:
 def edges_of(surfaces: Iterable[Surface]) -> IntArray:
     index, _, names = boundary_of(surfaces)
     return np.asarray(index[boundary_chords(index, names)])
+
+
+def radius_of(points: FloatArray, nodes: FloatArray) -> FloatArray:
+    """Distances (e,) of ``points`` (e, 2) from the axis, 0 up to round-off of a body's ``nodes`` (n, 2)."""
+    x = points[:, 0]
+    return np.where(x > ROUND_OFF * np.abs(nodes).max(), x, 0.0)
+
+
+def at_axis(points: FloatArray, revolved: bool) -> BoolArray | None:
+    """Mask (m,) of the ``points`` (m, 2) of a contact that are on the axis; None in plane scenes."""
+    return np.asarray(radius_of(points, points) == 0.0) if revolved else None
+
+
+def imaged(points: FloatArray, edges: IntArray) -> IntArray:
+    """Numbers (g,) of the nodes ``points`` (n, 2) whose images behind the axis continue the body: those
+    opposite to ``edges`` (b, 2) of its outline on the axis."""
+    radius, beside = radius_of(points, points), np.zeros(len(points), dtype=bool)
+    for low, high in np.sort(points[edges[(radius[edges] == 0.0).all(axis=1)], 1], axis=1):
+        beside |= (points[:, 1] >= low) & (points[:, 1] <= high)
+    return np.flatnonzero(beside & (radius > 0.0))
+
+
+def with_images(points: FloatArray, own: IntArray) -> FloatArray:
+    """The nodes ``points`` (n, 2) and the images of the nodes ``own`` (g,) behind the axis."""
+    return np.concatenate([points, points[own] * np.array([-1.0, 1.0])])

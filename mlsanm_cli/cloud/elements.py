@@ -46,10 +46,23 @@ def boundary_loops(
         )
     _refuse_parts(points, edges)
     boundary = edges[~np.isin(key, back)]
-    loops = _chain(points, boundary, _edge_names(points, edges, boundary, lines, names, node_sets))
+    start, times = np.unique(boundary[:, 0], return_counts=True)
+    if (times > 1).any():
+        place = _at(points, start[[int(np.argmax(times > 1))]])
+        raise GeometryError(f"the boundary touches itself in the node at {place}", "two parts share one node")
+    named = _edge_names(points, edges, boundary, lines, names, node_sets)
+    following = {a: (b, name) for (a, b), name in zip(boundary.tolist(), named, strict=True)}
+    loops = []
+    while following:
+        node, nodes, along = next(iter(following)), list[int](), list[str]()
+        while node in following:
+            nodes.append(node)
+            node, name = following.pop(node)
+            along.append(name)
+        loops.append(Loop(np.array(nodes, dtype=np.int64), tuple(along)))
     if sum(signed_area(points[loop.nodes]) > 0.0 for loop in loops) != 1:
         raise GeometryError("the elements overlap: their boundary does not go around them once")
-    return loops
+    return tuple(loops)
 
 
 def _key(edges: IntArray, count: int) -> IntArray:
@@ -121,21 +134,3 @@ def _edge_names(
             )
         names[edge] = name
     return tuple(names)
-
-
-def _chain(points: FloatArray, boundary: IntArray, names: tuple[str, ...]) -> tuple[Loop, ...]:
-    """Boundary edges (b, 2) joined to loops."""
-    start, times = np.unique(boundary[:, 0], return_counts=True)
-    if (times > 1).any():
-        place = _at(points, start[[int(np.argmax(times > 1))]])
-        raise GeometryError(f"the boundary touches itself in the node at {place}", "two parts share one node")
-    following = {a: (b, name) for (a, b), name in zip(boundary.tolist(), names, strict=True)}
-    loops = []
-    while following:
-        node, nodes, along = next(iter(following)), list[int](), list[str]()
-        while node in following:
-            nodes.append(node)
-            node, name = following.pop(node)
-            along.append(name)
-        loops.append(Loop(np.array(nodes, dtype=np.int64), tuple(along)))
-    return tuple(loops)

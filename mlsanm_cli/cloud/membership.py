@@ -11,9 +11,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.search import MAX_PAIRS
 from mlsanm_cli.roundoff import ROUND_OFF
 
+MAX_PAIRS = 2**18
+"""Pairs processed at once: large for speed, small for memory."""
 SAGITTA_FACTOR = 1.1
 """Factor on the sagitta of an arc through two nodes: allowance for curves that are not arcs."""
 

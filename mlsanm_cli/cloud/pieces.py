@@ -12,9 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.revolution import radius_of
-from mlsanm_cli.cloud.search import nearest
+from mlsanm_cli.cloud.cloud import Cloud, nearest, radius_of
 from mlsanm_cli.roundoff import ROUND_OFF
 
 MAX_NODES = 400.0
@@ -57,9 +55,8 @@ def pair_up(cloud: Cloud, touching: Collection[str], held: Collection[str]) -> I
     near ``held`` surfaces and corners stay single: pairs there spoil the equilibrium of a support."""
     surfaces = cloud.surfaces
     ends = [s.index[[0, -1]] for s in surfaces.values() if not s.curve.closed]
-    stops = np.unique(
-        np.concatenate([np.zeros(0, dtype=np.int64), *ends, *(surfaces[h].index for h in held)])
-    )
+    ends += [surfaces[name].index for name in held]
+    stops = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *ends]))
     if cloud.revolved:
         # The body continues behind the axis.
         stops = stops[radius_of(cloud.points[stops], cloud.points) > 0.0]
@@ -86,17 +83,8 @@ def pair_up(cloud: Cloud, touching: Collection[str], held: Collection[str]) -> I
 
 
 def _divided(points: FloatArray, pairs: IntArray, wanted: FloatArray) -> IntArray:
-    """Piece numbers (n,) of connected ``points`` (n, 2); ``pairs`` (e, 2) are neighbours."""
-    labels = _bisected(points, wanted)
-    within = pairs[labels[pairs[:, 0]] == labels[pairs[:, 1]]]
-    linked = np.ones(len(within), dtype=np.int8), (within[:, 0], within[:, 1])
-    graph = sparse.csr_array(sparse.coo_array(linked, shape=(len(labels), len(labels))))
-    labels = np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
-    return _joined(labels, pairs, MERGE_FRACTION * wanted)
-
-
-def _bisected(points: FloatArray, wanted: FloatArray) -> IntArray:
-    """Part numbers (n,) of the ``points`` (n, 2); a part has about the smallest ``wanted`` (n,) in it."""
+    """Piece numbers (n,) of connected ``points`` (n, 2); a piece has about the smallest ``wanted`` (n,) in
+    it; ``pairs`` (e, 2) are neighbours."""
     labels, order = np.zeros(len(points), dtype=np.int64), np.arange(len(points))
     while True:
         count = np.bincount(labels)
@@ -105,13 +93,18 @@ def _bisected(points: FloatArray, wanted: FloatArray) -> IntArray:
         parts = np.round(count / np.minimum.reduceat(wanted[order], first))
         chosen = parts[labels] >= 2.0
         if not chosen.any():
-            return labels
+            break
         order = np.lexsort((_along(points, labels, count), labels))
         rank = np.empty(len(points), dtype=np.int64)
         rank[order] = np.arange(len(points)) - np.repeat(first, count)
         cut = np.round(count * (parts // 2) / np.maximum(parts, 1.0))
         late: BoolArray = chosen & (rank >= cut[labels])
         labels = _counted(2 * labels + late)
+    within = pairs[labels[pairs[:, 0]] == labels[pairs[:, 1]]]
+    linked = np.ones(len(within), dtype=np.int8), (within[:, 0], within[:, 1])
+    graph = sparse.csr_array(sparse.coo_array(linked, shape=(len(labels), len(labels))))
+    labels = np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+    return _joined(labels, pairs, MERGE_FRACTION * wanted)
 
 
 def _counted(labels: IntArray) -> IntArray:

@@ -14,10 +14,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.cloud.cloud import Cloud, Mirror, SymmetryLine, edges_of
+from mlsanm_cli.cloud.cloud import BATCH_SIZE, Cloud, Mirror, SymmetryLine, edges_of, nearest
 from mlsanm_cli.cloud.curves import Curve, Outline, Segment
 from mlsanm_cli.cloud.membership import inside_body
-from mlsanm_cli.cloud.search import BATCH_SIZE, nearest
 from mlsanm_cli.cloud.surface import Surface, boundary_of
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels.fill import DONE, EMPTY, FULL_POINTS, FULL_TABLE, advance_front, spacing_at
@@ -94,8 +93,8 @@ class Spacing:
         """Spacing (n,) at ``points`` (n, 2)."""
         table, points = self.table(), np.ascontiguousarray(points)
         piece = BATCH_SIZE * 8 // (len(table) + 1) + 1
-        starts = range(0, max(len(points), 1), piece)
-        return np.concatenate([spacing_at(self.far, table, points[at : at + piece]) for at in starts])
+        batches = np.split(points, range(piece, len(points), piece))
+        return np.concatenate([spacing_at(self.far, table, batch) for batch in batches])
 
     def with_zones(self, zones: tuple[Zone, ...]) -> Spacing:
         """The same field with further zones."""
@@ -207,10 +206,8 @@ def build_cloud(
         mirror, chords, cuts = half
         first = boundary[mirror.own]
     # Wanted points that are not too close to an earlier one.
-    room, kept = (
-        MIN_DISTANCE * spacing.at(inner),
-        inside_body(boundary, *boundary_of(surfaces.values()), inner),
-    )
+    room = MIN_DISTANCE * spacing.at(inner)
+    kept = inside_body(boundary, *boundary_of(surfaces.values()), inner)
     for k in np.flatnonzero(kept):
         others = np.flatnonzero(kept[:k])
         kept[k] = (np.hypot(*(inner[others] - inner[k]).T) > room[k]).all()
@@ -313,8 +310,7 @@ def relax(
     on, adjacent, moving = slice(fixed, fixed + upon), slice(fixed + upon, end), slice(fixed, end)
     points = points.copy()
     if line is not None:
-        signs, shift = line.signs, line.shift
-        points = np.concatenate([points, signs * points[adjacent] + shift])
+        points = np.concatenate([points, line.reflect(points[adjacent])])
     count = min(NEIGHBORS, len(points) - 1)
     if end == fixed or count < 1:
         return points
@@ -340,7 +336,7 @@ def relax(
         points[moving] += (own * length)[:, None] * force / np.maximum(size, np.finfo(float).tiny)[:, None]
         if line is not None:
             points[on, line.axis] = line.at
-            points[end:] = signs * points[adjacent] + shift
+            points[end:] = line.reflect(points[adjacent])
     return points
 
 

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.membership import joints
 from mlsanm_cli.records import dataclass
 
@@ -65,19 +65,11 @@ def tips_of(points: FloatArray, index: IntArray, normal: FloatArray, names: Sequ
             edge.append(float(np.hypot(*(points[index[[last - 1, first + 1]]] - tip).T).max()))
     if not place:
         return None
-    at, into = np.array(place), -np.array(axis)
-    away, across = distances(at, into, np.array(half))
-    # Across the material both singular fields add; along a face one is undefined beyond the other's void.
-    counted = np.where(across, 2.0 * away, away)
-    return Tips(at, into, np.array(half), counted.min(axis=1) / np.array(edge))
-
-
-def distances(place: FloatArray, into: FloatArray, half: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Distances (t, t) of corners at ``place`` (t, 2) from each other, infinite from themselves, and whether
-    they see each other across the material, which fills the angle ``half`` (t,) on either side of the unit
-    bisector ``into`` (t, 2) it."""
-    way = place - place[:, None]
+    at, into, angle = np.array(place), -np.array(axis), np.array(half)
+    way = at - at[:, None]
     away = np.hypot(*way.T)
     np.fill_diagonal(away, np.inf)
-    seen = (way * into[:, None]).sum(axis=2) > np.cos(half - SMOOTH_TURN)[:, None] * away
-    return away, seen & seen.T
+    seen = (way * into[:, None]).sum(axis=2) > np.cos(angle - SMOOTH_TURN)[:, None] * away
+    # Across the material both singular fields add; along a face one is undefined beyond the other's void.
+    counted = np.where(seen & seen.T, 2.0 * away, away)
+    return Tips(at, into, angle, counted.min(axis=1) / np.array(edge))

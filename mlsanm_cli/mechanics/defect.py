@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import GAUSS
-from mlsanm_cli.cloud.search import in_batches, nearest
+from mlsanm_cli.cloud.cloud import BATCH_SIZE, nearest
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel, enough_neighbors
@@ -234,7 +234,8 @@ class NextDegree:
 
         numbers = np.arange(len(places))
         if len(cloud.points) > MAX_KEPT_NODES:
-            return in_batches(lambda some: fits(some).derivatives(values), numbers)
+            batches = np.split(numbers, range(BATCH_SIZE, len(numbers), BATCH_SIZE))
+            return np.concatenate([fits(batch).derivatives(values) for batch in batches])
         key = (settings, values.shape[1], places.tobytes())
         if key not in self.kept:
             self.kept[key] = fits(numbers)

@@ -25,7 +25,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.material import PlaneMaterial
-from mlsanm_cli.operators.stencil_weights import Stencils, pair_rows, scalar_rows, vector_rows
+from mlsanm_cli.operators.stencil_weights import Stencils, component_rows, pair_rows, scalar_rows
 
 XX, YY, XY, HOOP = 0, 1, 2, 3
 
@@ -198,7 +198,7 @@ def point_rows(
     def mean(even: FloatArray) -> sparse.csr_array:
         return sparse.csr_array(scalar_rows(stencils, value) @ stress_rows(nodal(), even, XX))
 
-    blocks = [vector_rows(stencils, value, None), vector_rows(stencils, None, value)]
+    blocks = [component_rows(stencils, value, component) for component in (0, 1)]
     blocks += stresses_at(stencils, material, mean)
     return sparse.csr_array(sparse.vstack(blocks, format="csr"))
 

@@ -18,8 +18,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.search import nearest
+from mlsanm_cli.cloud.cloud import Cloud, nearest
 from mlsanm_cli.cloud.tips import SMOOTH_TURN
 from mlsanm_cli.mechanics.material import PlaneMaterial
 

@@ -25,8 +25,6 @@ Matrix: TypeAlias = "sparse.csc_array | sparse.bsr_array"
 """A symmetric matrix, in CSC or block form."""
 LinearSolver: TypeAlias = Literal["auto", "superlu"]
 """Direct solver of symmetric systems: own Cholesky factorisation, or SuperLU."""
-
-
 MAX_ENTRIES = np.iinfo(np.int32).max
 """Largest number of entries with 32-bit indices."""
 
@@ -65,13 +63,9 @@ BLOCK = 64
 """Columns solved at once."""
 THRESHOLD = 0.1
 """A diagonal entry is accepted as pivot unless another in its column is 1/THRESHOLD times larger."""
-
-
 LEAF_SIZE = 16
 """Largest part that is not cut."""
 DIRECTIONS = 8
-
-
 Tree: TypeAlias = tuple[IntArray, IntArray, IntArray]
 """Elimination order (n,) of the vertices, and the tree of fronts: front k of f eliminates vertices
 ``start[k]`` to ``start[k + 1]`` in this order, which are adjacent to later ones of its ancestors only, with
@@ -191,7 +185,6 @@ class SuperLUFactor:
     note: str = ""
 
     def solve(self, rhs: FloatArray) -> FloatArray:
-        """Solution for (n,) or (n, c) right-hand sides."""
         solution = np.empty_like(rhs)
         solution[self.order] = self.factor.solve(rhs[self.order])
         return solution

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
-from mlsanm_cli.cloud.search import nearest
+from mlsanm_cli.cloud.cloud import nearest
 from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.records import dataclass
@@ -69,21 +69,14 @@ def nearest_nodes(tree: cKDTree, targets: FloatArray, size: int) -> IndexArray:
 
 
 def neighbors_of(
-    points: FloatArray,
-    tree: cKDTree,
-    targets: FloatArray,
-    size: int,
-    sight: VisibilityCriterion | None,
+    points: FloatArray, tree: cKDTree, targets: FloatArray, size: int, sight: VisibilityCriterion | None
 ) -> tuple[FloatArray, IntArray]:
     """Radii (e,) and node numbers (e, size) of stencils: the nearest nodes seen from ``targets`` (e, 2)."""
     radius, indices = _nearest(points, tree, targets, size)
     if sight is not None:
         # The nearest nodes not hidden by a slit.
-        pending, asked, nodes = (
-            np.flatnonzero(sight.near(targets, radius)),
-            min(size, len(points)),
-            len(points),
-        )
+        pending, nodes = np.flatnonzero(sight.near(targets, radius)), len(points)
+        asked = min(size, nodes)
         while len(pending):
             some = targets[pending]
             numbers = _nearest(points, tree, some, asked)[1]

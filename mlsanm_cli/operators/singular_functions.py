@@ -209,7 +209,6 @@ def _derivatives_of_powers(
             factor *= math.prod(a - s for s in range(up)) * math.prod(b - s for s in range(down))
             if factor:
                 p, q = a - up, b - down
-                total += (
-                    factor * np.conj(axis) ** up * axis**down * size ** (p + q) * np.exp(1j * (p - q) * angle)
-                )
+                turned = factor * np.conj(axis) ** up * axis**down
+                total += turned * size ** (p + q) * np.exp(1j * (p - q) * angle)
     return total

@@ -79,10 +79,8 @@ class Stencils:
         n."""
         if len(field) != self.nodes:
             raise ValueError(f"a field of {len(field)} nodes for stencils of {self.nodes}")
-        result, indices = (
-            np.zeros((len(self.indptr) - 1, self.weights.shape[1], field.shape[1])),
-            self.indices,
-        )
+        result = np.zeros((len(self.indptr) - 1, self.weights.shape[1], field.shape[1]))
+        indices = self.indices
         if self.image is not None:
             indices = indices + len(field) * self.image
             field = np.concatenate([field, field * np.array(PARITY[field.shape[1]])])
@@ -90,22 +88,15 @@ class Stencils:
         return result
 
 
-def vector_rows(stencils: Stencils, on_x: FloatArray | None, on_y: FloatArray | None) -> sparse.csr_array:
-    """One row per stencil (e, 2n): sum over neighbours j of on_x[j] u_x[j] + on_y[j] u_y[j]. ``on_x`` and
-    ``on_y`` (nnz,) follow the stencils' entries; None omits one component."""
-    if on_x is not None and on_y is not None:
-        return pair_rows(stencils, np.stack([on_x, on_y], axis=1))
-    component, alone = (1, on_y) if on_x is None else (0, on_x)
-    assert alone is not None
-    if component == 0:
-        alone = stencils.signed(np.stack([alone, alone], axis=1))[:, 0]
-    shape = (len(stencils.indptr) - 1, 2 * stencils.nodes)
-    indptr, indices = _entries(stencils)
-    return sparse.csr_array((alone, 2 * indices + component, indptr), shape=shape)
+def component_rows(stencils: Stencils, weights: FloatArray, component: int) -> sparse.csr_array:
+    """One row (e, 2n) per stencil with ``weights`` (nnz,) on u_x (0) or u_y (1) of its nodes."""
+    rows = scalar_rows(stencils, weights, odd=component == 0)
+    shape = (rows.shape[0], 2 * stencils.nodes)
+    return sparse.csr_array((rows.data, 2 * rows.indices + component, rows.indptr), shape=shape)
 
 
 def pair_rows(stencils: Stencils, values: FloatArray) -> sparse.csr_array:
-    """The same with the coefficients of u_x and u_y side by side: ``values`` (nnz, 2)."""
+    """One row (e, 2n) per stencil with ``values`` (nnz, 2) on u_x and u_y of its nodes."""
     shape = (len(stencils.indptr) - 1, 2 * stencils.nodes)
     indptr, indices = _entries(stencils)
     columns = np.stack([2 * indices, 2 * indices + 1], axis=1).ravel()

@@ -9,8 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
-from mlsanm_cli.cloud.cloud import Mirror
-from mlsanm_cli.cloud.revolution import radius_of
+from mlsanm_cli.cloud.cloud import Mirror, radius_of
 from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.errors import NumericalError

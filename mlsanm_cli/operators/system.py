@@ -56,9 +56,8 @@ def residual_of(system: LinearSystem, sources: sparse.csc_array, solutions: Floa
     """Relative change (c,) of the ``solutions`` (n, c) by one more refinement. The residual itself is no
     measure: rows of nearly incompressible materials are too large."""
     size = np.linalg.norm(solutions, axis=0)
-    return np.asarray(
-        np.linalg.norm(system.correction(sources, solutions), axis=0) / np.where(size > 0.0, size, 1.0)
-    )
+    change = np.linalg.norm(system.correction(sources, solutions), axis=0)
+    return np.asarray(change / np.where(size > 0.0, size, 1.0))
 
 
 class Progress:
@@ -104,16 +103,13 @@ def corrected(start: FloatArray, of_columns: Apply, of_rows: Apply) -> FloatArra
         result = start + row * (basis @ (of_rows(basis / row) - (basis / row).T @ start))
         left = (found - result @ tried / row)[:, rank:]
         within = basis.T @ left
-        noise = np.linalg.norm(within)
-        if np.linalg.norm(left - basis @ within) <= max(
-            ROUND_OFF * np.linalg.norm(found[:, rank:]), NOISE_RATIO * noise
-        ):
+        noise = max(ROUND_OFF * np.linalg.norm(found[:, rank:]), NOISE_RATIO * np.linalg.norm(within))
+        if np.linalg.norm(left - basis @ within) <= noise:
             return np.asarray(result)
         rank *= 2
     unit = np.eye(start.shape[1])
-    blocks = [
-        of_columns(unit[:, first : first + BLOCK_COLUMNS]) for first in range(0, len(unit), BLOCK_COLUMNS)
-    ]
+    firsts = range(0, len(unit), BLOCK_COLUMNS)
+    blocks = [of_columns(unit[:, first : first + BLOCK_COLUMNS]) for first in firsts]
     return np.concatenate([start[:, :0], *blocks], axis=1)
 
 
@@ -145,10 +141,8 @@ def gmres(product: Apply, rhs: FloatArray, tolerance: float) -> tuple[FloatArray
         column = matrix[:, k]
         for row in range(k):
             c, s = rotations[row]
-            column[row], column[row + 1] = (
-                c * column[row] + s * column[row + 1],
-                c * column[row + 1] - s * column[row],
-            )
+            above, below = column[row], column[row + 1]
+            column[row], column[row + 1] = c * above + s * below, c * below - s * above
         radius = float(np.hypot(column[k], length))
         rotations[k] = c, s = column[k] / radius, length / radius
         column[k], column[k + 1] = radius, 0.0

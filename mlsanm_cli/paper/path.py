@@ -16,7 +16,6 @@ from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.continuation import follow
 from mlsanm_cli.continuation.corrector import Effort, correct
 from mlsanm_cli.continuation.problem import AnmOptions, NewtonOptions
-from mlsanm_cli.continuation.series import Branch
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.paper.system import System
 from mlsanm_cli.records import dataclass
@@ -46,7 +45,16 @@ def paper_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterat
         yield PathStep(state, saved, 0.0, 0, *counts, checkpoint=Checkpoint(state))
     else:
         stage, position = min(start.stage, len(stages) - 2), start.position
-        point = _restored(system.changed(start=stages[stage], end=stages[stage + 1]), start.state, stage)
+        state, x = start.state, np.zeros(system.size)
+        x[system.places["u"]] = state.displacement
+        for name, symbol in SYMBOLS.items():
+            x[system.places[symbol]] = getattr(state, name)
+        x = system.with_plastic_slips(x)
+        a, b = system.split(x, "ab")
+        reference = state.slip + system.law.compliance * state.traction + a - b
+        system = system.changed(start=stages[stage], end=stages[stage + 1], reference=reference)
+        point = Point(system, x, position - stage, state.work)
+        point = replace(point, work=2.0 * state.work - point.dissipated())
         if position in stage + np.append(0.0, ends):
             point = point.with_moved_references()
     while True:
@@ -118,6 +126,14 @@ def _increment(
             if lam == step.lam:
                 point, residual = found, better.residual
             saved.append(replace(found.state(stage, better.residual), position=level))
+        series, branch = dict[str, FloatArray](), step.branch
+        # Predictors of Newton-Raphson between states are not stored.
+        if step.order:
+            series["position"] = np.concatenate([[stage + branch.lam[0]], branch.lam[1:]])
+            series |= {name: system.split(branch.x, symbol)[0] for name, symbol in SYMBOLS.items()}
+            series = {name: values for name, values in series.items() if values.size}
+            if branch.denominator is not None:
+                series["denominator"] = branch.denominator
         state = point.state(stage, residual)
         yield PathStep(
             state,
@@ -127,10 +143,9 @@ def _increment(
             effort["updates"],
             effort["factorizations"],
             effort["solves"],
-            # Predictors of Newton-Raphson between states are not stored.
-            series=_series(system, step.branch, stage) if step.order else {},
-            series_attributes={"length": step.branch.length, "stage": stage},
-            limit_points=tuple((stage + step.branch.load_factor(a), high) for a, high in step.limit_points),
+            series=series,
+            series_attributes={"length": branch.length, "stage": stage},
+            limit_points=tuple((stage + branch.load_factor(a), high) for a, high in step.limit_points),
             checkpoint=Checkpoint(state),
         )
     if not follower.reached:
@@ -139,24 +154,3 @@ def _increment(
             f'{follower.message}; raise contact.regularization.eta, or use its law = "exact"',
         )
     return point.with_moved_references()
-
-
-def _series(system: System, branch: Branch, stage: int) -> dict[str, FloatArray]:
-    """Coefficients of position and unknowns in the path parameter; with ``denominator`` of the Pade form."""
-    found = {name: system.split(branch.x, symbol)[0] for name, symbol in SYMBOLS.items()}
-    position = np.concatenate([[stage + branch.lam[0]], branch.lam[1:]])
-    ratio = {} if branch.denominator is None else {"denominator": branch.denominator}
-    return {"position": position, **{name: one for name, one in found.items() if one.size}, **ratio}
-
-
-def _restored(system: System, state: State, stage: int) -> Point:
-    """The point of a stored state."""
-    law, x = system.law, np.zeros(system.size)
-    x[system.places["u"]] = state.displacement
-    for name, symbol in SYMBOLS.items():
-        x[system.places[symbol]] = getattr(state, name)
-    x = system.with_plastic_slips(x)
-    a, b = system.split(x, "ab")
-    system = system.changed(reference=state.slip + law.compliance * state.traction + a - b)
-    point = Point(system, x, state.position - stage, state.work)
-    return replace(point, work=2.0 * state.work - point.dissipated())

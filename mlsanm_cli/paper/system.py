@@ -270,8 +270,7 @@ class Tangent:
         found = by_factor(rhs)
         progress = Progress(found, FULL_TOLERANCE)
         for _ in range(MAX_UPDATES):
-            left = rhs - system.linear(unloaded, found[:, 0]) - self._local @ found[:, 0]
-            step = by_factor(left)
+            step = by_factor(rhs - system.linear(unloaded, found[:, 0]) - self._local @ found[:, 0])
             found = found + step
             progress.advance(step, found)
             if progress.done.all():

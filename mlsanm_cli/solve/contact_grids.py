@@ -92,7 +92,19 @@ def find_grids(
         return contact_states(scene, condensed, stages, levels, starts, skips=True)
 
     def on_path(condensed: Condensed, _: Sequence[ContactStatus]) -> States:
-        return _flowing(CondensedScene(case, scene, condensed, stages, (), np.nan, laws))
+        # As far as there are states, or up to one whose contacts reach an end of a grid that is no end of a
+        # surface.
+        from mlsanm_cli.solve.plastic_path import plastic_path  # for few runs
+
+        built = CondensedScene(case, scene, condensed, stages, (), np.nan, laws)
+        states = list[ContactState]()
+        with suppress(NumericalError):
+            for state in (step.state for step in plastic_path(built)):
+                shift = built.at(state).condensed.watched.constant - condensed.watched.constant
+                states.append(replace(state.contacts(condensed.friction_nodes), shift=shift))
+                if condensed.cut(state.pressure):
+                    break
+        return tuple(states)
 
     settled = search.settle(at_ends, tractions=True)
     if settled and len(search.states) < len(levels):
@@ -190,7 +202,7 @@ class _GridSearch:
         self._fits = {fit.name: fit for fit in fits}
         if not changed:
             return
-        if any(fit.grid.samples_differ(before[fit.name].grid) for fit in fits):
+        if any(fit.grid.unfolding != before[fit.name].grid.unfolding for fit in fits):
             self._responses = None
         begun = any(fit.room.first != before[fit.name].room.first for fit in fits)
         old = self.condensed
@@ -252,22 +264,6 @@ class _GridSearch:
         self._turns -= 1
         self._take([fit.turned(after[name]) for name, fit in self._fits.items()])
         return True
-
-
-def _flowing(built: CondensedScene) -> States:
-    """The states of the path of bodies that flow, as far as there are any, or up to one whose contacts reach
-    an end of a grid that is no end of a surface."""
-    from mlsanm_cli.solve.plastic_path import plastic_path  # for few runs
-
-    states, condensed = list[ContactState](), built.condensed
-    with suppress(NumericalError):
-        for step in plastic_path(built):
-            state = step.state
-            shift = built.at(state).condensed.watched.constant - condensed.watched.constant
-            states.append(replace(state.contacts(condensed.friction_nodes), shift=shift))
-            if condensed.cut(state.pressure):
-                break
-    return tuple(states)
 
 
 def _moved(condensed: Condensed, after: Sequence[Pairing], state: ContactState) -> ContactStatus:

@@ -45,6 +45,7 @@ SIDE_WIDTHS = 1.0
 def turns(scene: Scene, condensed: Condensed, state: ContactState) -> dict[str, float]:
     """Rotation (radian, counter-clockwise) of the directions of contacts that touch in one patch, by name."""
     angles, solved = dict[str, float](), dict[str, FloatArray]()
+    floating = {body for constraint, _ in scene.unknown_motions for body in constraint.bodies}
     for pairing in condensed.on_grids:
         grid, pressure = pairing.grid, state.pressure[condensed.spans[pairing.name]]
         closed = np.flatnonzero(state.closed[condensed.spans[pairing.name]])
@@ -70,12 +71,9 @@ def turns(scene: Scene, condensed: Condensed, state: ContactState) -> dict[str, 
             continue
         angles[pairing.name] = drawn
         body = pairing.slave_body if base else pairing.master_body
-        moves = any(
-            one in constraint.bodies for constraint, _ in scene.unknown_motions for one in pairing.bodies
-        )
         # Obstacles do not rotate. If both surfaces are curved and one may slide, their bending would move it
         # further in every update.
-        if body is None or (min(bends) > COARSE_ROUND_OFF * max(bends) and moves):
+        if body is None or (min(bends) > COARSE_ROUND_OFF * max(bends) and floating & {*pairing.bodies}):
             continue
         aside = SIDE_WIDTHS * float(place[closed[-1]] - place[closed[0]] + grid.hats.weight[closed].max())
         ends = np.clip([middle - aside, middle + aside], grid.first, grid.last)
@@ -121,10 +119,7 @@ def unturned(
         size = float(share.sum())
         if size <= 0.0:  # round-off where it is open
             continue
-        force, middle = (
-            pairing.grid.resultants(True)[0] @ pressure,
-            share @ pairing.grid.hats.place / size,
-        )
+        force, middle = pairing.grid.resultants(True)[0] @ pressure, share @ pairing.grid.hats.place / size
         places = pairing.grid.facing.side(np.array([middle]), True)[0][0]
         more, before = turned.get(pairing.name, 0.0) - pairing.grid.facing.turn, complex(force[0], force[1])
         # The force rotates about the middle of its patch.

@@ -17,7 +17,6 @@ from mlsanm_cli.mechanics.laws.von_mises import ZZ, plastic_stress
 from mlsanm_cli.mechanics.rigid import ROTATION
 from mlsanm_cli.mechanics.scene import RigidConstraint, RigidMotion
 from mlsanm_cli.operators.system import residual_of
-from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import Fields, State
 
@@ -33,7 +32,16 @@ def fields_of(
     found: list[tuple[dict[str, Fields], float]] = []
     for first in range(0, len(states), MAX_STATES):
         some = states[first : first + MAX_STATES]
-        bodies = {name: _displacements(built, name, some) for name in built.scene.bodies}
+        bodies = dict[str, tuple[list[FloatArray], FloatArray]]()
+        for name, body in built.scene.bodies.items():
+            unknowns = [state.unknowns for state in some]
+            if not len(some[0].displacement):
+                bodies[name] = built.condensed.checked_displacements(built.scene, name, unknowns)
+                continue
+            solution = np.stack([state.displacement[built.scene.places[name]] for state in some], axis=1)
+            sources = sparse.hstack([built.condensed.source(name, *each) for each in unknowns], format="csc")
+            residual = residual_of(body.system, sparse.csc_array(sources), solution)
+            bodies[name] = [one.reshape(-1, 2) for one in solution.T], residual
         for number, state in enumerate(some):
             fields = dict[str, Fields]()
             for name, (displacements, _) in bodies.items():
@@ -85,20 +93,6 @@ def named_fields(
     }
 
 
-def _displacements(
-    built: CondensedScene, name: str, states: Sequence[State]
-) -> tuple[list[FloatArray], FloatArray]:
-    """Displacements (n, 2) of a body in each state, and the relative change (c,) by iterative
-    refinement."""
-    condensed = built.condensed
-    if not len(states[0].displacement):
-        return condensed.checked_displacements(built.scene, name, [state.unknowns for state in states])
-    solution = np.stack([state.displacement[built.scene.places[name]] for state in states], axis=1)
-    sources = sparse.hstack([condensed.source(name, *state.unknowns) for state in states], format="csc")
-    residual = residual_of(built.scene.bodies[name].system, sparse.csc_array(sources), solution)
-    return [one.reshape(-1, 2) for one in solution.T], residual
-
-
 def quantities(built: CondensedScene, state: State) -> Quantities:
     """The quantities of a state, as rows of run.h5 have them."""
     condensed = built.condensed
@@ -126,15 +120,6 @@ def contact_values(built: CondensedScene, pairing: Pairing, state: State) -> dic
             work = float(condensed.areas[span] @ state.work[condensed.tangential[name]])
     values = {"pressure": pressure, "traction": traction, "gap": gap, "slip": slip, "status": status}
     return values | {"dissipated_work": work}
-
-
-def cone_ratio(built: CondensedScene, contact: str, state: State) -> float:
-    """Largest of |t| / (mu p) over the closed nodes of a contact with friction."""
-    span, own = built.condensed.spans[contact], built.condensed.tangential[contact]
-    pressure = state.pressure[span]
-    pressed = state.closed[span] & (pressure > ROUND_OFF * pressure.max(initial=0.0))
-    ratio = np.abs(state.traction[own][pressed]) / (built.condensed.friction[own] * pressure)[pressed]
-    return float(ratio.max(initial=0.0))
 
 
 def slave_arc(pairing: Pairing) -> FloatArray:

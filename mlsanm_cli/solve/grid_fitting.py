@@ -309,7 +309,7 @@ def refined(
     grid, steps = fit.grid, fit.grid.hats.steps
     if len(steps) >= limits[1]:
         return fit
-    each = [grid_errors(condensed, fit.name, [state], tractions) for state in states]
+    each = [grid_errors(condensed, fit.name, state, tractions) for state in states]
     places = _overlapping(condensed, fit, states)[1]
     chosen = np.isin(np.arange(len(steps)), np.searchsorted(grid.hats.nodes, places) - 1)
     quartered, free = np.zeros_like(chosen), condensed.pairing_of(fit.name).friction == 0.0
@@ -338,24 +338,18 @@ def refined(
     return fit._replace(grid=replace(once, hats=hats.halved(again)))
 
 
-def grid_errors(
-    condensed: Condensed, name: str, states: Sequence[ContactState], tractions: bool = True
-) -> FloatArray:
+def grid_errors(condensed: Condensed, name: str, state: ContactState, tractions: bool = True) -> FloatArray:
     """Contribution of every interval of a contact grid to the relative L2 error of its pressures, and
-    ``tractions`` if they count, in the worst of the states; 0 for the shortest ones."""
-    pairing = condensed.pairing_of(name)
-    hats, worst = pairing.grid.hats, np.zeros(len(pairing.grid.hats.steps))
-    for state in states:
-        pressure = state.pressure[condensed.spans[name]]
-        size = hats.norm(pressure)
-        if np.abs(pressure).max(initial=0.0) <= COARSE_ROUND_OFF * np.abs(state.pressure).max(initial=0.0):
-            continue
-        parts = [hats.errors(pressure)]
-        if pairing.friction and tractions:
-            parts.append(hats.errors(state.traction[condensed.tangential[name]]) / pairing.friction)
-        worst = np.maximum(worst, np.linalg.norm(parts, axis=0) / size)
-    worst[hats.steps <= _shortest(pairing.grid)] = 0.0
-    return worst
+    ``tractions`` if they count, in a state; 0 for the shortest ones."""
+    pairing, pressure = condensed.pairing_of(name), state.pressure[condensed.spans[name]]
+    hats = pairing.grid.hats
+    if np.abs(pressure).max(initial=0.0) <= COARSE_ROUND_OFF * np.abs(state.pressure).max(initial=0.0):
+        return np.zeros(len(hats.steps))
+    parts = [hats.errors(pressure)]
+    if pairing.friction and tractions:
+        parts.append(hats.errors(state.traction[condensed.tangential[name]]) / pairing.friction)
+    errors = np.linalg.norm(parts, axis=0) / hats.norm(pressure)
+    return np.where(hats.steps <= _shortest(pairing.grid), 0.0, errors)
 
 
 def _shortest(grid: ContactGrid) -> FloatArray:
@@ -365,8 +359,6 @@ def _shortest(grid: ContactGrid) -> FloatArray:
         for corner in grid.corners_of(slave):
             if corner.wedge.clamped:
                 away = corner.distance(grid.facing.side(grid.hats.nodes, slave)[0])
-                away = np.minimum(away[:-1], away[1:])
-                least = np.where(
-                    away < corner.reach, np.maximum(least, MIN_CLAMPED_INTERVAL * corner.reach), least
-                )
+                longer = np.maximum(least, MIN_CLAMPED_INTERVAL * corner.reach)
+                least = np.where(np.minimum(away[:-1], away[1:]) < corner.reach, longer, least)
     return least

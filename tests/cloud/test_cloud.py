@@ -9,8 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.scene.build import estimate_nodes
-from mlsanm_cli.cloud.cloud import Cloud, measure
+from mlsanm_cli.app.checks.quality import measure
+from mlsanm_cli.app.scene.build import COUNT_LIMIT, estimate_nodes
+from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Outline, annulus, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.spacing import Spacing, Zone, build_cloud
 from tests.cloud.shapes import polygon
@@ -94,7 +95,7 @@ def test_estimate_of_the_number_of_nodes(outline: Outline, spacing: Spacing) -> 
 
 
 def test_estimate_stops_at_its_limit() -> None:
-    assert estimate_nodes(BLOCK, Spacing(1e-9), limit=1e7) >= 1e7
+    assert estimate_nodes(BLOCK, Spacing(1e-9)) == COUNT_LIMIT
 
 
 @pytest.mark.parametrize(("outline", "spacing"), SCENES)

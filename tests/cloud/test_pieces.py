@@ -9,7 +9,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import IntArray
 from mlsanm_cli.cloud.cloud import Cloud, SymmetryLine
 from mlsanm_cli.cloud.curves import Outline, annulus, disk, rectangle, sector
-from mlsanm_cli.cloud.pieces import CLEARANCE, MAX_NODES, MERGE_FRACTION, _bisected, divide, pair_up
+from mlsanm_cli.cloud.pieces import CLEARANCE, MAX_NODES, MERGE_FRACTION, _divided, divide, pair_up
 from mlsanm_cli.cloud.spacing import Spacing, Zone, build_cloud
 
 BLOCK = rectangle((-1.0, 1.0), (0.0, 1.0))
@@ -124,6 +124,10 @@ def test_units_do_not_cut_regular_meshes_otherwise(unit: float) -> None:
     # mesh swayed by 1 to 2 % more or less.
     points = np.stack(np.meshgrid(*2 * [np.linspace(0.0, 3.1, 32)]), axis=2).reshape(-1, 2)
     wanted = np.full(len(points), 16.0)
-    one, other = (_bisected(where, wanted) for where in (points, unit * (points + np.array([0.7, 0.3]))))
+    number = np.arange(len(points)).reshape(32, 32)
+    beside = [(number[:-1], number[1:]), (number[:, :-1], number[:, 1:])]
+    pairs = np.concatenate([np.stack([first.ravel(), last.ravel()], axis=1) for first, last in beside])
+    places = points, unit * (points + np.array([0.7, 0.3]))
+    one, other = (_divided(where, pairs, wanted) for where in places)
     np.testing.assert_array_equal(one, other)
     assert len(np.unique(one)) == 64

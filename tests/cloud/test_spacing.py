@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from mlsanm_cli.app.scene.refinement import LIMIT, SPACING_TOLERANCE, cover
+from mlsanm_cli.app.checks.refinement import MAX_ZONES, SPACING_TOLERANCE, cover
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import SymmetryLine
 from mlsanm_cli.cloud.curves import Arc, Curve, Segment
@@ -108,7 +108,7 @@ HAS = np.full(len(POINTS), 0.05)
 def test_nodes_get_what_they_want_and_little_more() -> None:
     wanted = np.where(np.hypot(*(POINTS - [0.4, 0.1]).T) < 0.3, 0.02, np.inf)
     spacing = Spacing(0.05)
-    zones = cover(POINTS, HAS, wanted, spacing, 0.2)
+    zones = cover(POINTS, HAS, wanted, spacing)
     assert 1 <= len(zones) <= 12
     finer = spacing.with_zones(zones).at(POINTS)
     assert (finer <= SPACING_TOLERANCE * wanted).all()
@@ -120,8 +120,8 @@ def test_what_is_planned_already_is_not_asked_for_again() -> None:
     wanted = np.full(len(POINTS), np.inf)
     wanted[0] = 0.02
     planned = Spacing(0.05, (Zone.around((-1.0, -1.0), 0.02, 0.1, 0.2),))
-    assert cover(POINTS, HAS, wanted, planned, 0.2) == ()
-    assert cover(POINTS, HAS, np.full(len(POINTS), np.inf), Spacing(0.05), 0.2) == ()
+    assert cover(POINTS, HAS, wanted, planned) == ()
+    assert cover(POINTS, HAS, np.full(len(POINTS), np.inf), Spacing(0.05)) == ()
 
 
 def test_a_few_dense_nodes_do_not_make_a_wide_zone() -> None:
@@ -130,9 +130,9 @@ def test_a_few_dense_nodes_do_not_make_a_wide_zone() -> None:
     points = np.concatenate([speck, POINTS])
     has = np.concatenate([np.full(len(speck), 5e-5), HAS])
     wanted = np.concatenate([np.full(len(speck), 2e-5), np.full(len(POINTS), np.inf)])
-    (zone, *others) = cover(points, has, wanted, Spacing(0.05), 0.2)
+    (zone, *others) = cover(points, has, wanted, Spacing(0.05))
     assert all(one.radius <= 0.01 for one in (zone, *others))
-    assert len(others) < LIMIT
+    assert len(others) < MAX_ZONES
 
 
 def test_what_is_wanted_symmetrically_is_given_symmetrically() -> None:
@@ -142,8 +142,8 @@ def test_what_is_wanted_symmetrically_is_given_symmetrically() -> None:
     spacing = Spacing(0.05)
     for line in (SymmetryLine(0, 0.0), SymmetryLine(1, 0.3)):
         points = POINTS if line.axis == 0 else POINTS[:, ::-1] + [0.0, 0.3]
-        assert not spacing.with_zones(cover(points, HAS, wanted, spacing, 0.2)).symmetric(line)
-        zones = cover(points, HAS, wanted, spacing, 0.2, line)
+        assert not spacing.with_zones(cover(points, HAS, wanted, spacing)).symmetric(line)
+        zones = cover(points, HAS, wanted, spacing, line)
         assert spacing.with_zones(zones).symmetric(line)
         assert (spacing.with_zones(zones).at(points) <= SPACING_TOLERANCE * wanted).all()
         places = [row[1:3] for row in Spacing(0.05, zones).table()]

@@ -9,8 +9,8 @@ import pytest
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.elements import boundary_loops
+from mlsanm_cli.cloud.loops import TaggedNodes, tagged_loops
 from mlsanm_cli.cloud.membership import first_crossing, signed_area
-from mlsanm_cli.cloud.tagged import TaggedNodes, tagged_loops
 from mlsanm_cli.errors import GeometryError
 
 

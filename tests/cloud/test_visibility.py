@@ -7,8 +7,9 @@ import math
 import numpy as np
 import pytest
 
+from mlsanm_cli.app.checks.quality import measure
 from mlsanm_cli.cloud.cells import measure as cell_measures
-from mlsanm_cli.cloud.cloud import Cloud, measure
+from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Outline, annulus, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.drawing import polygon
 from mlsanm_cli.cloud.sight import VisibilityCriterion, visibility_criterion

@@ -12,7 +12,7 @@ from mlsanm_cli.arrays import IntArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators import factors
 from mlsanm_cli.operators.factors import nested_dissection
-from mlsanm_cli.operators.normal import NormalPattern
+from mlsanm_cli.operators.least_squares import NormalPattern
 
 
 def bordered(

@@ -20,7 +20,7 @@ from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
 from mlsanm_cli.app.output.parts import ContactNodes, contact_part, obstacles, vtu_states
-from mlsanm_cli.app.scene.refinement import Refinement
+from mlsanm_cli.app.scene.build import Refinement
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.finite.pair import RigidContact
 from mlsanm_cli.errors import NumericalError
@@ -91,8 +91,7 @@ class FiniteStrain(Analysis[FiniteScene]):
         return all_of(STATE, self.built, state)
 
     def judge(self, last: State, tally: dict[str, Any]) -> Iterator[Check]:
-        errors = self._errors(last, tally)
-        return all_of(END, FiniteEnd(self.built, last, tally, errors))
+        return all_of(END, FiniteEnd(self.built, last, tally, self._errors(last, tally)))
 
     @property
     def refinement(self) -> Mapping[str, Any]:

@@ -19,17 +19,15 @@ from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import spacing_of
 from mlsanm_cli.arrays import FloatArray, runs_of
 from mlsanm_cli.case import PlaneObstacle
-from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.revolution import at_axis
-from mlsanm_cli.cloud.search import nearest
+from mlsanm_cli.cloud.cloud import Cloud, at_axis, nearest
 from mlsanm_cli.cloud.spacing import Zone, build_cloud
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.memo import NO_CACHE, Memo
+from mlsanm_cli.memo import Memo
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.fields import contact_values, fields_of, named_fields, platen_displacements, slave_arc
+from mlsanm_cli.solve.fields import contact_values, fields_of, platen_displacements, slave_arc
 from mlsanm_cli.solve.state import Fields, State
 
 MAX_NEIGHBOR_DISTANCE = 3.0
@@ -219,7 +217,7 @@ class View:
         return self.model.field_rows(self.cloud.points)
 
 
-def finer_views(built: CondensedScene, boundaries: Boundaries, memo: Memo = NO_CACHE) -> dict[str, View]:
+def finer_views(built: CondensedScene, boundaries: Boundaries, memo: Memo) -> dict[str, View]:
     """Finer points for bodies whose clouds are too coarse for their contact patches at the ends of stages.
     Scenes with the same patches share them by the ``memo``."""
     condensed, finer = built.condensed, {}
@@ -243,18 +241,3 @@ def finer_views(built: CondensedScene, boundaries: Boundaries, memo: Memo = NO_C
             cloud = build_cloud(boundaries.outline(body.name), spacing, body.seed, memo=memo)
             finer[body.name] = memo.value("view", (model, cloud), partial(View, model, cloud))
     return finer
-
-
-def shown_fields(
-    built: CondensedScene, views: Mapping[str, View], state: State, fields: Mapping[str, Fields], stress: bool
-) -> dict[str, Fields]:
-    """The fields at the points where they are written, with stresses if requested."""
-    shown = dict(fields)
-    for name, view in views.items():
-        points = view.cloud.points
-        moved, stressed = built.condensed.contact_fields(built.scene, name, state.unknowns, points)
-        seen = (view.rows @ fields[name]["rest"].ravel()).reshape(-1, len(points)).T
-        sigma = seen[:, 2:] + stressed if stress else stressed[:0]
-        at = seen[:, :2] + moved, sigma, points, view.values
-        shown[name] = named_fields(built, name, state, *at)
-    return shown

@@ -29,7 +29,7 @@ from mlsanm_cli.app.checks.refinement import set_up
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
 from mlsanm_cli.app.output.parts import ContactNodes, obstacle_shift, obstacles
 from mlsanm_cli.app.scene.assemble import NOTHING
-from mlsanm_cli.app.scene.refinement import Refinement
+from mlsanm_cli.app.scene.build import Refinement
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.laws.failures import SlidingError
@@ -39,12 +39,12 @@ from mlsanm_cli.io.run_file import Attribute, Value
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.memo import digest
-from mlsanm_cli.roundoff import FINE_ROUND_OFF
+from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.contact_states import at_limit
 from mlsanm_cli.solve.fields import (
-    cone_ratio,
     fields_of,
+    named_fields,
     platen_displacements,
     plates_turned,
     quantities,
@@ -221,7 +221,14 @@ class SmallStrain(Analysis[CondensedScene]):
         for state, (fields, residual) in zip(states, known, strict=True):
             if stress:
                 self._stressed = state, fields
-            shown = small_contacts.shown_fields(self._at(state), self._views, state, fields, stress)
+            built, shown = self._at(state), dict(fields)
+            for name, view in self._views.items():
+                points = view.cloud.points
+                moved, stressed = built.condensed.contact_fields(built.scene, name, state.unknowns, points)
+                seen = (view.rows @ fields[name]["rest"].ravel()).reshape(-1, len(points)).T
+                sigma = seen[:, 2:] + stressed if stress else stressed[:0]
+                places = points, view.values
+                shown[name] = named_fields(built, name, state, seen[:, :2] + moved, sigma, *places)
             yield shown, {"linear_residual": residual}
 
     @property
@@ -245,10 +252,16 @@ class SmallStrain(Analysis[CondensedScene]):
         return small_contacts.contact_lines(built, state, self.clouds, fields), lines
 
     def tallied(self, tally: Mapping[str, Any], before: State | None, step: PathStep) -> dict[str, Any]:
-        cone = dict(tally.get("cone", {}))
-        for name in self.built.condensed.tangential:
-            ratios = [cone_ratio(self.built, name, state) for state in (step.state, *step.saved)]
-            cone[name] = max(cone.get(name, 0.0), *ratios)
+        # The largest |t| / (mu p) of the closed nodes of every contact with friction.
+        cone, condensed = dict(tally.get("cone", {})), self.built.condensed
+        for name, own in condensed.tangential.items():
+            for state in (step.state, *step.saved):
+                pressure = state.pressure[condensed.spans[name]]
+                pressed = pressure > ROUND_OFF * pressure.max(initial=0.0)
+                pressed &= state.closed[condensed.spans[name]]
+                limit = condensed.friction[own] * pressure
+                ratio = np.abs(state.traction[own][pressed]) / limit[pressed]
+                cone[name] = max(cone.get(name, 0.0), float(ratio.max(initial=0.0)))
         return {"cone": cone}
 
     def progress(self, step: PathStep) -> list[str]:

@@ -206,7 +206,7 @@ def _estimated(
         bulk = float(np.linalg.norm([distance(built, one, state, pressure) for pressure in others]))
         own = np.nan if halved is None or not one.nodal else distance(built, one, state, halved[1])
         if not one.nodal:
-            own = float(np.linalg.norm(grid_errors(condensed, one.name, [state])))
+            own = float(np.linalg.norm(grid_errors(condensed, one.name, state)))
         pressures[one.name] = (bulk, own)
     away, *rest = np.linalg.norm(effects, axis=0).tolist()
     size = float(sum((one.displacement**2).sum() for one in bodies.values()))

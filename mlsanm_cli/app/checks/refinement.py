@@ -28,13 +28,13 @@ from mlsanm_cli.app.checks.quality import nodal_contacts
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.boundaries import Boundaries
-from mlsanm_cli.app.scene.build import place
+from mlsanm_cli.app.scene.build import Refinement, place
 from mlsanm_cli.app.scene.clouds import spacing_of
 from mlsanm_cli.app.scene.condense import condense_scene
-from mlsanm_cli.app.scene.refinement import Refinement, cover
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case
-from mlsanm_cli.cloud.spacing import Zone
+from mlsanm_cli.cloud.cloud import SymmetryLine
+from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.contact.complementarity.problem import STICK
 from mlsanm_cli.contact.geometry.profile import Patch, contact_patches, half_width
 from mlsanm_cli.errors import NumericalError
@@ -51,6 +51,11 @@ MIN_REFINEMENT = 1.15
 """Nodes that would become finer by less are not refined."""
 SYMMETRY_TOLERANCE = 0.05
 """Relative difference of the spacings requested by symmetric nodes, if the loads are symmetric."""
+MAX_ZONES = 24
+SPACING_TOLERANCE = 1.25
+"""Accepted ratio of actual to wanted spacing."""
+SNAP_DISTANCE = 0.5
+"""Zone centres closer to the symmetry line than this fraction of the wanted spacing are moved onto it."""
 
 
 def residual_zones(
@@ -88,7 +93,43 @@ def residual_zones(
                 finer, line = np.maximum(finer, image), cloud.mirror.line
         wanted = np.where(finer >= MIN_REFINEMENT, cloud.spacing / finer, np.inf)
         spacing = spacing_of(boundaries, given).with_zones((*planned, *zones))
-        zones += cover(cloud.points, cloud.spacing, wanted, spacing, GROWTH, line)
+        zones += cover(cloud.points, cloud.spacing, wanted, spacing, line)
+    return tuple(zones)
+
+
+def cover(
+    points: FloatArray,
+    spacing: FloatArray,
+    wanted: FloatArray,
+    planned: Spacing,
+    line: SymmetryLine | None = None,
+) -> tuple[Zone, ...]:
+    """Circular refinement zones for nodes ``points`` (n, 2) of ``spacing`` (n,) that want ``wanted`` (n,). At
+    most MAX_ZONES zones, twice as many with a symmetry ``line``. Greedy: the node with the largest ratio of
+    actual to wanted spacing becomes the centre of a zone, whose radius grows as long as most of the area
+    inside wants that spacing; infinity wants nothing. ``planned`` is the spacing without these zones. With a
+    ``line`` the zones are symmetric if ``planned`` and ``wanted`` are."""
+    has, area, zones = planned.at(points), spacing**2, list[Zone]()
+    for _ in range(MAX_ZONES):
+        ratio = has / wanted
+        worst = int(np.argmax(ratio))
+        if ratio[worst] <= SPACING_TOLERANCE:
+            break
+        h = float(wanted[worst])
+        middle = points[worst]
+        if line is not None and abs(middle[line.axis] - line.at) < SNAP_DISTANCE * h:
+            middle = np.where(np.arange(2) == line.axis, line.at, middle)
+        distance = np.hypot(*(points - middle).T)
+        near = np.argsort(distance)
+        fine = area[near] * (wanted[near] <= SPACING_TOLERANCE * h)
+        mostly = np.cumsum(fine) >= 0.7 * np.cumsum(area[near])
+        # The largest circle such that this spacing is needed in most of it and of all smaller ones.
+        last = int(np.argmin(mostly)) - 1 if not mostly.all() else len(near) - 1
+        radius = max(float(distance[near[max(last, 0)]]), h)
+        places = [middle] if line is None else np.unique([middle, *line.reflect(middle[None])], axis=0)
+        added = tuple(Zone.around(place, h, radius, GROWTH) for place in places)
+        zones += added
+        has = np.minimum(has, Spacing(planned.far, added).at(points))
     return tuple(zones)
 
 

@@ -250,13 +250,12 @@ class Comparison:
 
     def limits(self, tolerance: float | None) -> dict[str, float]:
         """The largest differences, first that of methods with the same law."""
-        same = SAME_LAW_FACTOR * self._analysis.case.solver.tolerance
+        same = SAME_LAW_FACTOR * self._analysis.case.solver.tolerance if tolerance is None else tolerance
         if self.case.touching:
-            same = same if tolerance is None else tolerance
             return {"same_law": same, "other_law": other_law_limit(self._analysis.case)}
-        shared = len(self._renewals[NEWTON]) == len(self._renewals[ANM])
-        limit = same if shared else OTHER_EQUATIONS_LIMIT
-        return {"displacement": limit if tolerance is None else tolerance}
+        if tolerance is None and len(self._renewals[NEWTON]) != len(self._renewals[ANM]):
+            same = OTHER_EQUATIONS_LIMIT
+        return {"displacement": same}
 
     def difference(self, found: States, reference: States) -> dict[str, float]:
         """Largest relative differences of pressures, tractions and displacements at common levels."""

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.search import nearest
+from mlsanm_cli.cloud.cloud import nearest
 from mlsanm_cli.contact.finite.exact import ExactContact, FiniteContactState
 from mlsanm_cli.contact.finite.iteration import Iteration
 from mlsanm_cli.errors import NumericalError

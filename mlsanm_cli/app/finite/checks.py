@@ -66,10 +66,8 @@ def overlap(scene: FiniteScene, state: State) -> Iterator[Check]:
         outlines[name], place = outline, first_crossing(outline.edges)
         near = "" if place is None else f"near ({place[0]:.6g}, {place[1]:.6g}) "
         when = f"at position {state.position:.6g}: self-contact is not supported"
-        message, hint = (
-            f"body {name} touches itself {near}{when}",
-            "use smaller loads, or model it as two bodies",
-        )
+        message = f"body {name} touches itself {near}{when}"
+        hint = "use smaller loads, or model it as two bodies"
         yield Check("self_overlap", float(place is not None), message, hint, f"body {name}", fails=ANY)
     found = list(between_bodies(outlines))
     rigid = [one for one in scene.contacts.pairs if isinstance(one, RigidContact)]

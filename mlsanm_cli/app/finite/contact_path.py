@@ -229,10 +229,8 @@ class _Path:
         sizes = {name: np.ptp(body.elastic.model.cloud.points, axis=0) for name, body in scene.bodies.items()}
         moved = np.abs(found.displacement - now.displacement).max()
         ratios.append(float(moved / (MAX_APPROACH * min(size.max() for size in sizes.values()))))
-        before, after = (
-            np.append(factors_at(scene.stages, at), one.free)
-            for at, one in ((position, now), (reached, found))
-        )
+        before = np.append(factors_at(scene.stages, position), now.free)
+        after = np.append(factors_at(scene.stages, reached), found.free)
         for contact, here, own in contacts.each:
             place = now.place[here]
             then = contact.apart(now.surface[own].reshape(-1, 2), before, place)

@@ -199,9 +199,8 @@ def plates_turned(scene: FiniteScene, state: State) -> dict[str, dict[str, float
 def extremes(scene: FiniteScene, state: State) -> Mapping[str, float]:
     """Extreme stretches, volume ratio and acoustic tensor of a state."""
     every, parts = fields_of(scene, state).values(), scene.parts(state.displacement).items()
-    stretch, volume = (
-        np.concatenate([one[key].ravel() for one in every]) for key in ("stretch", "volume_ratio")
-    )
+    stretch = np.concatenate([one["stretch"].ravel() for one in every])
+    volume = np.concatenate([one["volume_ratio"] for one in every])
     waves = [scene.bodies[name].ellipticity(own, state.factors).min() for name, own in parts]
     names = "least_stretch", "largest_stretch", "least_volume_ratio", "ellipticity"
     values = map(float, (stretch.min(), stretch.max(), volume.min(), min(waves)))

@@ -173,11 +173,8 @@ def _patches(
     arc, pressure = slave.arc, state.pressure[here]
     if slave.around is not None:
         order, arc = unrolled(arc, slave.around, pressure)
-    pressure, status, sense = (
-        pressure[order],
-        state.status[here][order],
-        state.solver["slip_sign"][here][order],
-    )
+    pressure, status = pressure[order], state.status[here][order]
+    sense = state.solver["slip_sign"][here][order]
     closed, stick = np.flatnonzero(status != OPEN), status == STICK
     finer = np.sqrt(accuracy / REFERENCE_ACCURACY)
     for part in np.split(closed, np.flatnonzero(np.diff(closed) > 2) + 1) if len(closed) else ():

@@ -90,12 +90,9 @@ class _Path:
         stages = scene.stages
         projector = scene.projector(scene.alone[0], self.x, stages[0])
         problem, size = FiniteProblem(projector, stages[0], stages[0], 1.0), scene.size
-        moved = [
-            float(np.abs(replace(problem, end=factors).load_derivative(self.x, 0.0)).max())
-            for factors in stages[1:]
-            if factors.any()
-        ]
-        largest = max(moved, default=0.0)
+        ends = [factors for factors in stages[1:] if factors.any()]
+        moved = [replace(problem, end=end).load_derivative(self.x, 0.0) for end in ends]
+        largest = max((float(np.abs(one).max()) for one in moved), default=0.0)
         self._problem = replace(problem, length=min(largest, size) if largest else size)
 
     def begin(self, stage: int, levels: list[float]) -> None:

@@ -126,8 +126,9 @@ class FiniteScene:
     def acting(self, factors: FloatArray, traction: FloatArray) -> dict[str, FloatArray]:
         """Factors of all loads by body: ``factors`` (L + d,) of the case and of the free motions, then the
         body's part of the ``traction`` (2s,) at the knots of all sides in contact."""
-        spread = {name: self.contacts.spread(name) for name in self.bodies}
-        return {name: np.concatenate([factors, some @ traction]) for name, some in spread.items()}
+        return {
+            name: np.concatenate([factors, self.contacts.spread(name) @ traction]) for name in self.bodies
+        }
 
     def loaded(self, state: State) -> dict[str, Loaded]:
         """The bodies with their displacements and load factors in a state."""
@@ -289,13 +290,10 @@ def _loads(case: Case, prepared: SceneModel, name: str, body: ElasticBody, conta
         if isinstance(given, Pressure) and given.follows:
             assert load.between is not None
             normals = surface.curve.normals(Halves.of(surface, FINE).arc)
-            both = pressing.setdefault(
-                load.surface, (np.zeros((len(load.values), count)), np.zeros((len(normals), count)))
-            )
-            for whole, traction, normal in zip(
-                both, (load.values, load.between), (surface.normal, normals), strict=True
-            ):
-                whole[:, load.number] -= (traction * normal).sum(axis=1)
+            none = np.zeros((len(load.values), count)), np.zeros((len(normals), count))
+            nodal, between = pressing.setdefault(load.surface, none)
+            nodal[:, load.number] -= (load.values * surface.normal).sum(axis=1)
+            between[:, load.number] -= (load.between * normals).sum(axis=1)
             continue
         sources[:, load.number] += body.source(load.surface, load.values, load.held)
         if load.between is not None:
@@ -342,22 +340,17 @@ def unknown_motions(case: Case, prepared: SceneModel) -> Contacts:
         if constraint.floats:
             loose.append(_pinned(prepared, constraint.name, components, numbers, size))
         elif not constraint.bodies:
-            numbered = zip(unknown, numbers.tolist(), strict=True)
-            driven += [
-                DrivenObstacle(names.index(constraint.name), one.component, k, one.force)
-                for one, k in numbered
-            ]
+            for k, one in enumerate(unknown, number):
+                driven.append(DrivenObstacle(names.index(constraint.name), one.component, k, one.force))
         else:
-            motion = np.zeros((3, count))
+            motion, force = np.zeros((3, count)), np.zeros((3, loads))
             for k, one in enumerate(unknown, loads + number):
                 motion[one.component, k] = 1.0 / size if one.component == ROTATION else 1.0
+                force[one.component] = one.force
             for one in constraint.motions:
                 if one.prescribed is not None:
                     motion[one.component, :loads] = one.prescribed
             surfaces = {body: constraint.surfaces_of(body) for body in constraint.bodies}
-            force = np.zeros((3, loads))
-            for one in unknown:
-                force[one.component] = one.force
             place = np.array(constraint.center), size, components, numbers
             plates.append(Plate(constraint.name, surfaces, constraint.loads, *place, force, motion))
         number += len(unknown)

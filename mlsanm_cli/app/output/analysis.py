@@ -15,7 +15,7 @@ from mlsanm_cli.app.checks.quality import Quality
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output.parts import ContactNodes, model_bodies
 from mlsanm_cli.app.scene.assemble import SceneModel
-from mlsanm_cli.app.scene.refinement import Refinement
+from mlsanm_cli.app.scene.build import Refinement
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Stop
 from mlsanm_cli.cloud.cloud import Cloud

@@ -22,7 +22,7 @@ from mlsanm_cli.app.checks.check import Check, Verdicts
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output.analysis import Analysis, Ending
 from mlsanm_cli.app.output.parts import vtu_states
-from mlsanm_cli.app.scene.refinement import Refinement
+from mlsanm_cli.app.scene.build import Refinement
 from mlsanm_cli.case import LoadedCase, resolved_mapping
 from mlsanm_cli.commit import commit
 from mlsanm_cli.errors import NumericalError, RunError, UnstableError
@@ -161,9 +161,8 @@ class Recorder(Closing):
         rows, case = None if earlier is None else earlier.rows, resolved_mapping(loaded.case)
         file, resolved = directory / run_dir.RUN_FILE, toml_text(case)
         with context.phase("output"):
-            self._file = (
-                RunFile.create(file, attributes) if rows is None else RunFile.reopen(file, attributes)
-            )
+            opened = RunFile.create if rows is None else RunFile.reopen
+            self._file = opened(file, attributes)
             try:
                 self._file.confirm({"case/raw": loaded.raw, "case/resolved": resolved})
                 self._file.save()
@@ -204,10 +203,8 @@ class Recorder(Closing):
         with self._clock.phase("output"):
             datasets, attributes = analysis.model()
             self._file.confirm(datasets)
-            refinement = analysis.refinement
-            self._file.add(
-                datasets={REFINEMENT: as_text(refinement)} if refinement else {}, attributes={"": attributes}
-            )
+            refined = {REFINEMENT: as_text(analysis.refinement)} if analysis.refinement else {}
+            self._file.add(datasets=refined, attributes={"": attributes})
             self._file.save_if_due()
             before = self._earlier
             if before is None or before.last is None:
@@ -286,9 +283,8 @@ class Recorder(Closing):
 
     def _count(self, analysis: Analysis[Any], step: PathStep) -> None:
         tally = self.tally
-        counts = {
-            name: tally[name] + getattr(step, name) for name in ("iterations", "factorizations", "solves")
-        }
+        names = ("iterations", "factorizations", "solves")
+        counts = {name: tally[name] + getattr(step, name) for name in names}
         residual = max(tally["residual"], *(state.residual for state in (step.state, *step.saved)))
         steps = tally["steps"] + (self.last is not None)
         self.tally = {**tally, **counts, "residual": residual, "steps": steps}

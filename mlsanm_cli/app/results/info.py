@@ -12,7 +12,7 @@ from typing import Any
 
 from mlsanm_cli.case import stored_case
 from mlsanm_cli.case.reading.overrides import flat
-from mlsanm_cli.cloud.revolution import at_axis
+from mlsanm_cli.cloud.cloud import at_axis
 from mlsanm_cli.contact.geometry.profile import half_width
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir

@@ -20,7 +20,7 @@ from mlsanm_cli.app.results.path_lookup import (
 )
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, stored_case
-from mlsanm_cli.cloud.revolution import at_axis
+from mlsanm_cli.cloud.cloud import at_axis
 from mlsanm_cli.contact.geometry.profile import half_width
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import RunData, read_run

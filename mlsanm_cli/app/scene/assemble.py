@@ -10,16 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.scene.boundaries import Boundaries, prescribes, refuse_conflicts
+from mlsanm_cli.app.scene.boundaries import Boundaries, prescribes
 from mlsanm_cli.app.scene.contact_pairs import check_tips, pair
 from mlsanm_cli.app.scene.contact_ranges import contact_ranges, directed
 from mlsanm_cli.app.scene.free_motions import Restrained, constrain_free_rigid_modes
 from mlsanm_cli.app.scene.loads import Acting, acting
 from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.app.scene.rigid_constraints import rigid_constraints
-from mlsanm_cli.case import Body, Case, Displacement
-from mlsanm_cli.case.model.conditions import Support
+from mlsanm_cli.case import Body, Case, Displacement, Platen
+from mlsanm_cli.case.model.conditions import Kind, Support, compatible
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.contact.geometry.contact_grid import ContactRange
 from mlsanm_cli.contact.geometry.pairing import Pairing, facing_parts
 from mlsanm_cli.errors import CaseError, CaseProblem, NumericalError
@@ -34,7 +35,7 @@ from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.operators.factors import LinearSolver
 from mlsanm_cli.operators.neighbors import MlsSettings
 from mlsanm_cli.records import dataclass
-from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF, FINE_ROUND_OFF, ROUND_OFF
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 HIGH_DEGREE, LOW_DEGREE = 4, 2
@@ -45,6 +46,11 @@ MIN_HIGH_SPACINGS = 3.5
 """Spacings across all parts required by the high degree."""
 MAX_SUPPORT_OFFSET = 1e-3
 """Distance from the point of a support to its node, in spacings, above which there is a note."""
+ONE_CONDITION = "one condition per boundary and direction"
+NO_CONDITION = (
+    "only tractions and pressures may act on a contact surface: restrict both to different parts of it with "
+    "from and to"
+)
 
 
 @dataclass(frozen=True)
@@ -183,6 +189,44 @@ def _refuse_on_axis(
         raise CaseError(tuple(problems))
 
 
+def refuse_conflicts(boundaries: Boundaries) -> None:
+    """Raises CaseError for conditions that exclude each other on a piece of a boundary, and for conditions
+    other than tractions on a contact surface."""
+    case = boundaries.case
+    taken: dict[tuple[str, str], list[tuple[int, Kind, str, str, bool]]] = {}
+    problems: dict[tuple[str, str], CaseProblem] = {}
+    for key, condition, place in boundaries.conditions:
+        owner = condition.label if isinstance(condition, Platen) else place.label
+        outline = boundaries.outline(place.body)
+        for name in boundaries.names[place]:
+            acting = taken.setdefault((place.body, name), [])
+            curve, normal = outline.curves[outline.names.index(name)], None
+            if isinstance(curve, Segment):
+                x, y = curve.normals(np.zeros(1))[0].tolist()
+                normal = (x if abs(x) > FINE_ROUND_OFF else 0.0, y if abs(y) > FINE_ROUND_OFF else 0.0)
+            kinds = list(condition.conditions(normal))
+            for component, kind in kinds:
+                for _, other, there, label, parted in [entry for entry in acting if entry[0] == component]:
+                    if compatible(other, kind) and not (kind.startswith("platen") and label != owner):
+                        continue
+                    part = "a part of " if parted or place.ends else ""
+                    where = f"{part}{place.body}.{name.partition('/')[0]} in {'xy'[component]}"
+                    problem = CaseProblem(key, f"{key} and {there} both act on {where}", hint=ONE_CONDITION)
+                    problems.setdefault((key, there), problem)
+            acting += [(component, kind, key, owner, place.ends is not None) for component, kind in kinds]
+    for contact in case.contact:
+        for role, side in zip(("slave", "master"), contact.sides, strict=False):
+            acting = [entry for name in boundaries.names[side] for entry in taken.get((side.body, name), ())]
+            for _, kind, there, _, parted in acting:
+                # Prescribed tractions and contact tractions add up.
+                if kind != "traction":
+                    key, part = f"contact.{contact.name}.{role}", "a part of " if parted or side.ends else ""
+                    message = f"{there} acts on {part}the contact surface {side.label}"
+                    problems.setdefault((key, ""), CaseProblem(key, message, hint=NO_CONDITION))
+    if problems:
+        raise CaseError(tuple(problems.values()))
+
+
 def assemble_bodies(
     case: Case,
     prepared: SceneModel,
@@ -263,10 +307,8 @@ def _given_points(
     """The (node, component) pairs of every body that supports of single nodes fix, and the body and node of
     each of these by name; the probes; notes on supports whose node is not at the given point. CaseError for
     points outside their body."""
-    pairs, single = (
-        dict[str, list[tuple[int, int]]]({name: [] for name in clouds}),
-        dict[str, tuple[str, int]](),
-    )
+    pairs: dict[str, list[tuple[int, int]]] = {name: [] for name in clouds}
+    single: dict[str, tuple[str, int]] = {}
     probes, notes, problems = list[Probe](), list[str](), list[CaseProblem]()
     for number, support in enumerate(case.support):
         if support.body is None or support.near is None:

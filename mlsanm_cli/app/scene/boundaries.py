@@ -14,25 +14,20 @@ import numpy as np
 
 from mlsanm_cli.app.scene.loads import profiles, spread
 from mlsanm_cli.app.scene.outlines import drawn, given_nodes, run_of
-from mlsanm_cli.case import Body, Case, Contact, Force, Place, Platen, Pressure, Traction
-from mlsanm_cli.case.model.conditions import Kind, Support, compatible
+from mlsanm_cli.case import Body, Case, Contact, Force, Place, Pressure, Traction
+from mlsanm_cli.case.model.conditions import Support
 from mlsanm_cli.case.model.loads import OnBoundary
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.curves import Arc, Outline, Segment, turn
+from mlsanm_cli.cloud.curves import Arc, Outline, turn
 from mlsanm_cli.cloud.surface import SMOOTH_ANGLE, BoundaryRun, Surface
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.records import dataclass
-from mlsanm_cli.roundoff import COARSE_ROUND_OFF, FINE_ROUND_OFF
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 MAX_END_DISTANCE = 0.1
 """Largest distance of the given end of a part from the boundary, relative to the boundary's length."""
 COINCIDENCE = 1e-4
 """Largest distance of coincident surfaces, relative to their length."""
-ONE_CONDITION = "one condition per boundary and direction"
-NO_CONDITION = (
-    "only tractions and pressures may act on a contact surface: restrict both to different parts of it with "
-    "from and to"
-)
 Cuts = Mapping[int, Sequence[float]]
 """Arc lengths at which the curves of an outline are cut, by curve number."""
 Condition: TypeAlias = Support | OnBoundary
@@ -108,10 +103,8 @@ class Boundaries:
             if not places:
                 surfaces[name] = whole
                 continue
-            at, count = (
-                [int(np.argmin(np.abs(whole.arc_length - place))) for place in places],
-                len(whole.index),
-            )
+            at = [int(np.argmin(np.abs(whole.arc_length - place))) for place in places]
+            count = len(whole.index)
             ends = [*at, at[0] + count] if whole.curve.closed else [0, *at, count - 1]
             parts = Outline((name,), (whole.curve,)).cut({0: places})
             for own, curve, (low, high) in zip(parts.names, parts.curves, pairwise(ends), strict=True):
@@ -239,41 +232,3 @@ def _facing_part(outlines: Mapping[str, Outline], contact: Contact, which: int) 
         low, high = (at if within else far for (at, within), far in zip(both, (0.0, whole), strict=True))
     (a, b), (c, d) = run.whole.points(np.array([low, high])).tolist()
     return Place(own.boundaries, ((a, b), (c, d)))
-
-
-def refuse_conflicts(boundaries: Boundaries) -> None:
-    """Raises CaseError for conditions that exclude each other on a piece of a boundary, and for conditions
-    other than tractions on a contact surface."""
-    case = boundaries.case
-    taken: dict[tuple[str, str], list[tuple[int, Kind, str, str, bool]]] = {}
-    problems: dict[tuple[str, str], CaseProblem] = {}
-    for key, condition, place in boundaries.conditions:
-        owner = condition.label if isinstance(condition, Platen) else place.label
-        outline = boundaries.outline(place.body)
-        for name in boundaries.names[place]:
-            acting = taken.setdefault((place.body, name), [])
-            curve, normal = outline.curves[outline.names.index(name)], None
-            if isinstance(curve, Segment):
-                x, y = curve.normals(np.zeros(1))[0].tolist()
-                normal = (x if abs(x) > FINE_ROUND_OFF else 0.0, y if abs(y) > FINE_ROUND_OFF else 0.0)
-            kinds = list(condition.conditions(normal))
-            for component, kind in kinds:
-                for _, other, there, label, partial in [entry for entry in acting if entry[0] == component]:
-                    if compatible(other, kind) and not (kind.startswith("platen") and label != owner):
-                        continue
-                    part = "a part of " if partial or place.ends else ""
-                    where = f"{part}{place.body}.{name.partition('/')[0]} in {'xy'[component]}"
-                    problem = CaseProblem(key, f"{key} and {there} both act on {where}", hint=ONE_CONDITION)
-                    problems.setdefault((key, there), problem)
-            acting += [(component, kind, key, owner, place.ends is not None) for component, kind in kinds]
-    for contact in case.contact:
-        for role, side in zip(("slave", "master"), contact.sides, strict=False):
-            acting = [entry for name in boundaries.names[side] for entry in taken.get((side.body, name), ())]
-            for _, kind, there, _, partial in acting:
-                # Prescribed tractions and contact tractions add up.
-                if kind != "traction":
-                    key, part = f"contact.{contact.name}.{role}", "a part of " if partial or side.ends else ""
-                    message = f"{there} acts on {part}the contact surface {side.label}"
-                    problems.setdefault((key, ""), CaseProblem(key, message, hint=NO_CONDITION))
-    if problems:
-        raise CaseError(tuple(problems.values()))

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -15,12 +16,13 @@ from mlsanm_cli.app.scene.clouds import clouds, spacing_of
 from mlsanm_cli.app.scene.contact_pairs import refuse_overlap
 from mlsanm_cli.app.scene.outlines import given_nodes
 from mlsanm_cli.case import Case, LoadedCase
-from mlsanm_cli.cloud.curves import Outline
+from mlsanm_cli.cloud.curves import Outline, Segment
 from mlsanm_cli.cloud.membership import inside_polygon
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.errors import CaseError, CaseProblem, RunError
 from mlsanm_cli.kernels.aot.jit import is_warm, load
 from mlsanm_cli.kernels.aot.machine import Machine
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.system import physical_memory_mb
 
 ANNOUNCED_NODES = 50_000
@@ -45,6 +47,33 @@ NODES_PER_SQUARE = 0.89
 MAX_CELLS = 500_000
 NODES_PER_STEP = 0.44
 """Extra nodes per boundary node, from the same fit: half of a boundary node's area lies outside."""
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """Refined clouds: ``zones`` around segments in addition to those of the case, the results of the
+    ``passes`` so far, and the message of a pass that ``failed``, if one did. At finite strain only the
+    ``knots`` of all sides of all contacts, arc lengths."""
+
+    zones: tuple[Zone, ...] = ()
+    passes: tuple[Mapping[str, Any], ...] = ()
+    failed: str = ""
+    knots: Sequence[Sequence[Any]] = ()
+
+    @classmethod
+    def read(cls, plain: Mapping[str, Any]) -> Refinement:
+        """From its plain values."""
+        zones = [Zone(Segment((a, b), (c, d)), *asked) for a, b, c, d, *asked in plain["zones"]]
+        return cls(**{**plain, "zones": tuple(zones), "passes": tuple(plain["passes"])})
+
+    @property
+    def plain(self) -> dict[str, Any]:
+        """Plain values; a zone is a row of start, end, spacing, radius and growth."""
+        ends = [zone.curve.ends for zone in self.zones]
+        asked = [(zone.spacing, zone.radius, zone.growth) for zone in self.zones]
+        rows = [[*start, *end, *rest] for (start, end), rest in zip(ends, asked, strict=True)]
+        knots = [[np.asarray(arc).tolist() for arc in sides] for sides in self.knots]
+        return {**vars(self), "zones": rows, "knots": knots}
 
 
 def load_kernels(context: RunContext) -> Machine:
@@ -103,9 +132,9 @@ def place(
         return prepare(boundaries, nodes, context.memo, before.models if before is not None else NOTHING)
 
 
-def estimate_nodes(outline: Outline, spacing: Spacing, limit: float = 1e9) -> float:
-    """Estimated number of nodes, at most ``limit``. From the integrals of 1/h^2 over the region, by quadtree,
-    and of 1/h along its outline."""
+def estimate_nodes(outline: Outline, spacing: Spacing) -> float:
+    """Estimated number of nodes, at most COUNT_LIMIT, from the integrals of 1/h^2 over the region, by
+    quadtree, and of 1/h along its outline."""
     chains = [curve.points(np.linspace(0.0, curve.length, 65)) for curve in outline.curves]
     edges = np.concatenate([np.hstack([chain[:-1], chain[1:]]) for chain in chains])
     low, high = edges[:, :2].min(axis=0), edges[:, :2].max(axis=0)
@@ -118,8 +147,8 @@ def estimate_nodes(outline: Outline, spacing: Spacing, limit: float = 1e9) -> fl
         fine = size <= 4.0 * h
         inside = inside_polygon(edges, cells[fine])
         total += NODES_PER_SQUARE * float((size**2 / h[fine] ** 2)[inside].sum())
-        if total > limit:
-            return limit
+        if total > COUNT_LIMIT:
+            return COUNT_LIMIT
         if len(cells) > MAX_CELLS:
             # With at least 16 nodes in each of so many cells, the rest need not be refined.
             coarse = inside_polygon(edges, cells[~fine])
@@ -134,8 +163,8 @@ def estimate_nodes(outline: Outline, spacing: Spacing, limit: float = 1e9) -> fl
     try:
         steps = sum(len(spacing.steps_along(curve)) - 1 for curve in outline.curves)
     except RunError:
-        return limit
-    return min(total + NODES_PER_STEP * steps, limit)
+        return COUNT_LIMIT
+    return min(total + NODES_PER_STEP * steps, COUNT_LIMIT)
 
 
 def node_counts(boundaries: Boundaries) -> dict[str, float]:
@@ -146,8 +175,7 @@ def node_counts(boundaries: Boundaries) -> dict[str, float]:
         if given is not None:
             counts[body.name] = float(len(given.points))
         else:
-            spacing = spacing_of(boundaries, body)
-            counts[body.name] = estimate_nodes(boundaries.outline(body.name), spacing, COUNT_LIMIT)
+            counts[body.name] = estimate_nodes(boundaries.outline(body.name), spacing_of(boundaries, body))
     return counts
 
 

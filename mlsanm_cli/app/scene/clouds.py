@@ -334,8 +334,7 @@ def spacing_of(boundaries: Boundaries, body: Body) -> Spacing:
         for source in (*OUTLINE_SOURCES, *CONDITION_SOURCES):
             for zone in source(domain):
                 if zone.spacing < far:
-                    size = max(zone.spacing, MIN_SPACING * far)
-                    zones.append(Zone(zone.curve, size, zone.radius, zone.growth))
+                    zones.append(replace(zone, spacing=max(zone.spacing, MIN_SPACING * far)))
     for refine in body.refine:
         if refine.at is None:
             outline = boundaries.drawn[body.name]

@@ -62,6 +62,7 @@ def pair(boundaries: Boundaries, clouds: Mapping[str, Cloud]) -> list[Pairing]:
 
 def _paired(boundaries: Boundaries, contact: Contact, clouds: Mapping[str, Cloud]) -> Pairing:
     case, key = boundaries.case, f"contact.{contact.name}"
+    obstacle = None if contact.obstacle is None else shape_of(contact.obstacle)
     sides = []
     for place, run in boundaries.sides[contact.name]:
         pieces = [clouds[place.body].surfaces[name] for name in boundaries.names[place]]
@@ -76,8 +77,7 @@ def _paired(boundaries: Boundaries, contact: Contact, clouds: Mapping[str, Cloud
         slave, master = (float(stiffness[material[body]].contact_compliance(across)[0]) for body, _ in sides)
         exchanged = slave < (1.0 - COARSE_ROUND_OFF) * master
     (body, own), *others = sides[::-1] if exchanged else sides
-    other = others[0] if contact.obstacle is None else shape_of(contact.obstacle)
-    pairing = pair_surfaces(contact.name, body, clouds[body], own, other, contact.coefficient)
+    pairing = pair_surfaces(contact.name, body, clouds[body], own, obstacle or others[0], contact.coefficient)
     pairing = replace(pairing, exchanged=exchanged)
     if not len(pairing.position):
         names = (*contact.names, "the obstacle")

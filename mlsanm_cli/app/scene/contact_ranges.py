@@ -184,18 +184,10 @@ def _clear(
     closest = minimum(ahead, max(s[max(nearest - 1, 0)], first), min(s[min(nearest + 1, len(s) - 1)], last))
     if not facing.slave_first:
         first, last, whole, planes = -last, -first, (whole[1], whole[0]), (other, one)
-    return ContactRange(
-        facing,
-        first,
-        last,
-        sign * closest,
-        (centers[0][0], centers[1][0] if len(centers) > 1 else None),
-        (corners[0], corners[1] if len(corners) > 1 else ()),
-        planes,
-        whole,
-        len(valleys(gap[low : high + 1], alike)),
-        around,
-    )
+    ends = centers[0][0], centers[1][0] if len(centers) > 1 else None
+    sharp = corners[0], corners[1] if len(corners) > 1 else ()
+    minima = len(valleys(gap[low : high + 1], alike))
+    return ContactRange(facing, first, last, sign * closest, ends, sharp, planes, whole, minima, around)
 
 
 def _exact_ends(facing: Facing, curves: Sequence[Curve], parts: Sequence[SmoothPart]) -> list[float]:

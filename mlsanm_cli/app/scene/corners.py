@@ -313,12 +313,8 @@ def _free(cloud: Cloud, place: ComplexArray, ahead: ComplexArray) -> FloatArray:
     with np.errstate(divide="ignore", invalid="ignore"):
         distance = (np.conj(apart) * way).imag / across
         share = -(np.conj(ahead)[:, None] * apart).imag / across
-    hit = (
-        (np.abs(across) > ROUND_OFF * np.abs(way))
-        & (share >= 0.0)
-        & (share <= 1.0)
-        & (distance > np.abs(way).max())
-    )
+    hit = (np.abs(across) > ROUND_OFF * np.abs(way)) & (share >= 0.0) & (share <= 1.0)
+    hit &= distance > np.abs(way).max()
     return np.asarray(np.where(hit, distance, np.inf).min(axis=1))
 
 

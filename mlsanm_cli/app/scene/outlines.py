@@ -19,10 +19,9 @@ from mlsanm_cli.cloud import drawing
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Outline, annulus, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.elements import boundary_loops
-from mlsanm_cli.cloud.loops import cloud_of_nodes, trace
+from mlsanm_cli.cloud.loops import TaggedNodes, cloud_of_nodes, tagged_loops, trace
 from mlsanm_cli.cloud.membership import first_crossing
 from mlsanm_cli.cloud.surface import BoundaryRun
-from mlsanm_cli.cloud.tagged import TaggedNodes, tagged_loops
 from mlsanm_cli.errors import CaseError, CaseProblem, GeometryError, RunError
 from mlsanm_cli.inputs import MB, read_input
 from mlsanm_cli.io.meshes import read_mesh, read_points

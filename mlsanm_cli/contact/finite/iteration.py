@@ -100,9 +100,8 @@ class Iteration:
             factorised[name], z[here] = one, -one.solve(projector.scaled(rest))
         # Nodes that may touch, and the tractions that these affect.
         gap = met.gap + met.d_gap @ (system.onto @ z)
-        near = met.facing & (
-            (gap <= (REACH_WITH_MOTIONS * system.length if contacts.free else 0.0)) | (p > 0.0)
-        )
+        reach = REACH_WITH_MOTIONS * system.length if contacts.free else 0.0
+        near = met.facing & ((gap <= reach) | (p > 0.0))
         for _ in range(ADJACENT_NODES):
             near = met.facing & (contacts.adjacent @ near > 0.0)
         self.chosen = np.flatnonzero(near)
@@ -150,11 +149,8 @@ class Iteration:
         """The forces missing on unknown motions with ``applied`` (2s,) tractions, and their derivatives."""
         system, contacts, responses = self.system, self.system.contacts, self.responses
         free, count = contacts.free, len(responses.touched)
-        missing, direct, by_displacement = (
-            np.zeros(free),
-            np.zeros((free, count + free)),
-            np.zeros((free, len(responses.moved))),
-        )
+        missing, direct = np.zeros(free), np.zeros((free, count + free))
+        by_displacement = np.zeros((free, len(responses.moved)))
         self.sums: dict[str, tuple[IntArray, sparse.csr_array]] = {}
         moduli = {name: body.elastic.model.material.modulus for name, (body, *_) in self._loaded.items()}
         for one in (some for some in contacts.loose if some.components):
@@ -199,9 +195,8 @@ class Iteration:
         for driven in contacts.driven:
             shifted[contacts.pushing(driven), driven.number] -= 1.0
         self.turning = met.turning(self._p, self._q)[touched]
-        self.push, self.pull = (
-            met.columns(way)[touched][:, chosen].toarray() for way in (met.normal, met.tangent)
-        )
+        self.push = met.columns(met.normal)[touched][:, chosen].toarray()
+        self.pull = met.columns(met.tangent)[touched][:, chosen].toarray()
         self.d_gap, self.d_slip = met.d_gap[chosen], met.d_slip[chosen]
         self.inverse = np.linalg.inv(np.eye(count) - self.turning @ self.seen)
         self.loads = self.inverse @ np.hstack([self.push, self.pull, self.turning @ shifted])
@@ -267,7 +262,6 @@ class Iteration:
     def stability(self, met: Meeting) -> float:
         """Least resistance of a contact, at closed nodes between two others that are not held, to pressures
         that oscillate from node to node without forces on floating bodies."""
-        bodies = {name: body for name, (body, *_) in self._loaded.items()}
         contacts, least = self.system.contacts, np.inf
         pushed = self.seen @ self.push
         compliance = self.d_gap @ pushed
@@ -284,7 +278,7 @@ class Iteration:
             own = self.sets.closed[here] & ~contact.slave.held
             inner = own[1:-1] & own[:-2] & own[2:]
             some = 1 + np.flatnonzero(inner) if inner.any() else np.flatnonzero(own)
-            materials = [bodies[side.body].elastic.model.material for side in contact.sides]
+            materials = [self._loaded[side.body][0].elastic.model.material for side in contact.sides]
             soft = sum(one.contact_compliance(met.normal[here][some]) for one in materials)
             place, weight = number[here][some], contact.slave.weight[some]
             part = compliance[np.ix_(place, place)]
@@ -304,11 +298,10 @@ class Iteration:
         slips = np.flatnonzero(closed & ~self.sets.stuck[chosen])
         whole[count + slips, slips] -= q[slips] / p[slips]
         inverse = np.linalg.inv(whole)
-        bodies = {name: body for name, (body, *_) in self._loaded.items()}
 
         def displaced(force: FloatArray) -> FloatArray:
             z, missing = np.zeros(len(force)), np.zeros(len(self.missing))
-            for name, body in bodies.items():
+            for name, (body, *_) in self._loaded.items():
                 here = system.bodies[name]
                 rows = rows_of_force(body, force[here])
                 scaled = system.projectors[name].scaled(rows)
@@ -320,5 +313,5 @@ class Iteration:
             left[2 * count :] += missing
             return z + self._moved(turned, -inverse @ np.where(kept, left, 0.0))[1]
 
-        loaded = [(body, u[system.bodies[name]], self.factors) for name, body in bodies.items()]
+        loaded = [(body, u[system.bodies[name]], self.factors) for name, (body, *_) in self._loaded.items()]
         return softest_motion(displaced, loaded)

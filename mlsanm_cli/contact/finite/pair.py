@@ -91,9 +91,8 @@ class Meeting:
     def turning(self, pressure: FloatArray, friction: FloatArray) -> sparse.csr_array:
         """Derivative (2s, 2s) of the tractions by the displacements."""
         across = self.columns(pressure[:, None] * self.tangent - friction[:, None] * self.normal)
-        return sparse.csr_array(
-            across @ self.d_turn + self.carried_moved(self.slave_tractions(pressure, friction))
-        )
+        follows = self.carried_moved(self.slave_tractions(pressure, friction))
+        return sparse.csr_array(across @ self.d_turn + follows)
 
 
 def diagonal(blocks: Sequence[sparse.csr_array]) -> sparse.csr_array:
@@ -319,9 +318,8 @@ class RigidContact:
         step = DIFFERENCE_STEP * self.slave.weight[:, None] * tangent
         ahead, behind = (shape.closest(at + way, outward) for way in (step, -step))
         twice = 2.0 * DIFFERENCE_STEP * self.slave.weight
-        moved, bent = (
-            ((one - other) * tangent).sum(axis=1) / twice for one, other in zip(ahead, behind, strict=True)
-        )
+        moved = ((ahead[0] - behind[0]) * tangent).sum(axis=1) / twice
+        bent = ((ahead[1] - behind[1]) * tangent).sum(axis=1) / twice
         length = np.hypot(*np.diff(shape.points, axis=0).T)
         side, part = on_polyline(0.5 * (ahead[0] + behind[0]), shape.points)
         return bent, -(np.cumsum(length)[side] - (1.0 - part) * length[side]), moved

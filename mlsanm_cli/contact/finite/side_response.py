@@ -14,7 +14,7 @@ import scipy.sparse as sparse
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.cloud.search import nearest
+from mlsanm_cli.cloud.cloud import nearest
 from mlsanm_cli.contact.finite.sides import HALF_WINDOW, ContactSide, Points, SideNodes
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.facing import Facing, turned

@@ -107,10 +107,8 @@ class SideNodes(Points):
 
     def traction_rows(self, body: ElasticBody, some: Sequence[int] | IntArray) -> IntArray:
         """Rows (m,) of the tractions of ``some`` of the side's nodes, by index."""
-        both = ((name, numbers, axis) for name, numbers in self.members for axis in (0, 1))
-        rows = [
-            body.condition_rows(name, component)[np.isin(numbers, some)] for name, numbers, component in both
-        ]
+        chosen = [(name, np.isin(numbers, some)) for name, numbers in self.members]
+        rows = [body.condition_rows(name, axis)[own] for name, own in chosen for axis in (0, 1)]
         return np.concatenate(rows)
 
     def add_unit_tractions(

@@ -267,10 +267,6 @@ class ContactGrid:
         """Weights (m,) of the mean along the contact."""
         return np.asarray(self.hats.weight / self.hats.weight.sum())
 
-    def mean_traction(self, which: int) -> FloatArray:
-        """Mean traction (2, m) on the slave by unit pressures (``which`` 0) or tractions (1), if evened."""
-        return np.outer(self.evened[which] * self.directions[which][0], self.mean_weights)
-
     def deviation(self, values: FloatArray, which: int) -> FloatArray:
         """Part of nodal pressures (``which`` 0) or tractions (1) (m, ...) that acts through near fields."""
         if not self.evened[which]:
@@ -329,8 +325,3 @@ class ContactGrid:
             table = np.abs(self.unfolding.spectrum(left.T)[b])
             largest = np.maximum(largest, np.maximum(table.max(axis=0), table.max(axis=1)))
         return largest
-
-    def samples_differ(self, other: ContactGrid) -> bool:
-        """Whether another grid of the same contact has other samples."""
-        own, new = ((one.first, one.last, one.count, one.mirrors) for one in (self, other))
-        return own != new

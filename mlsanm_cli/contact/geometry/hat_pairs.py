@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.search import MAX_PAIRS
+from mlsanm_cli.cloud.membership import MAX_PAIRS
 from mlsanm_cli.contact.geometry.grid import Hats
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
@@ -149,10 +149,8 @@ class HatPairs:
     def _near(self) -> list[NearPairs]:
         """The near pairs of sgn(s - s'), and of ln|s + shift - s'| for every shift."""
         every = np.indices((len(self.widths),) * 2).reshape(2, -1)
-        return [
-            self.near(SIGN, 0.0, *every),
-            *(self.near(LOGARITHM, shift, *every) for shift in self.hats.shifts),
-        ]
+        logarithms = [self.near(LOGARITHM, shift, *every) for shift in self.hats.shifts]
+        return [self.near(SIGN, 0.0, *every), *logarithms]
 
     def integrals(self, log: FloatArray, turn: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
         """Double integrals (m, m) of one(s)^T (log ln|s - s'| + turn sgn(s - s')) other(s') with the hats,

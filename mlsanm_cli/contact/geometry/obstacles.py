@@ -11,7 +11,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, runs_of
 from mlsanm_cli.cloud.curves import Arc, Curve
-from mlsanm_cli.cloud.search import MAX_PAIRS
+from mlsanm_cli.cloud.membership import MAX_PAIRS
 from mlsanm_cli.cloud.splines import NodeSpline, Spline
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
@@ -114,17 +114,15 @@ class Chain:
         """First and last (exclusive) side of every smooth part, and its spline."""
         length = np.hypot(*np.diff(self.points, axis=0).T)
         neighbours = np.pad(length, 1)
-        curved = (self.smooth[1:] | self.smooth[:-1]) & (
-            length <= STRAIGHT_RATIO * np.maximum(neighbours[:-2], neighbours[2:])
-        )
+        short = length <= STRAIGHT_RATIO * np.maximum(neighbours[:-2], neighbours[2:])
+        curved = (self.smooth[1:] | self.smooth[:-1]) & short
         found = []
         for first, last in runs_of(curved):
             inner = np.flatnonzero(~self.smooth[first + 1 : last]) + first + 1
             ends = [first, *inner.tolist(), last]
             for a, b in pairwise(ends):
                 if b - a >= MIN_SAMPLES:
-                    spline = NodeSpline(self.points[a : b + 1], False)
-                    found.append((a, b, spline.between(0, b - a)))
+                    found.append((a, b, NodeSpline(self.points[a : b + 1], False).between(0, b - a)))
         return tuple(found)
 
     @property

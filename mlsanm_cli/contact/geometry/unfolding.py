@@ -96,9 +96,8 @@ class Unfolding:
             order, angle = np.arange(self.count + 1), np.pi / self.length * (s - self.first)
             nodes = np.pi * (np.arange(self.count) + 0.5) / self.count
             weight = np.where((order == 0) | (order == self.count), 1.0, 2.0) / self.count
-            even = np.cos(np.outer(angle, order[:-1])) @ (
-                weight[:-1, None] * np.cos(np.outer(order[:-1], nodes))
-            )
+            cosines = weight[:-1, None] * np.cos(np.outer(order[:-1], nodes))
+            even = np.cos(np.outer(angle, order[:-1])) @ cosines
             odd = np.sin(np.outer(angle, order)) @ (weight[:, None] * np.sin(np.outer(order, nodes)))
             return even, odd
         values = lagrange(s, self._every)

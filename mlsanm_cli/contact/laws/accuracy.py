@@ -15,10 +15,9 @@ from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.laws.contact_state import ContactState, response
 from mlsanm_cli.contact.laws.frictionless import solve_exact
-from mlsanm_cli.contact.response.basis import changes
+from mlsanm_cli.contact.response.basis import changes, spans
 from mlsanm_cli.contact.response.bonds import Bonds
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.contact.response.drivers import spans
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import Corrected
 from mlsanm_cli.mechanics.scene import Scene

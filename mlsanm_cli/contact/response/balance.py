@@ -12,7 +12,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.response.drivers import Drivers
+from mlsanm_cli.contact.response.basis import Drivers
 from mlsanm_cli.contact.response.linear_map import LinearMap, stack
 from mlsanm_cli.mechanics.rigid import ROTATION, motions_of
 from mlsanm_cli.mechanics.scene import RigidConstraint, RigidMotion, Scene
@@ -86,10 +86,9 @@ class ForceSums:
         """Force x, y and moment about the origin of a contact on one of its bodies."""
         drivers, result = self.drivers, self._zeros(3)
         basis, own = drivers.bases[pairing.name], self.sources[body][:, drivers.places[pairing.name]]
-        pressure, *traction = basis.resultants(self.scene.bodies[body], body, own)
-        result.pressure[:, drivers.spans[pairing.name]] = pressure
-        if pairing.friction:
-            result.traction[:, drivers.tangential[pairing.name]] = traction[0]
+        sums = basis.resultants(self.scene.bodies[body], body, own)
+        for part, values in zip(drivers.columns(result, pairing.name), sums, strict=False):
+            part[:] = values
         return result
 
     def _acting(self, body: str) -> LinearMap:

@@ -4,26 +4,32 @@ Of a contact with m nodes, pressures (and, with friction, tractions) are represe
 bodies, whose motions are observed by *samples*; both are linear in the nodal values. On contact grids the
 drivers are forces x and y at the samples, which represent all pressures and tractions there through the near
 field (:mod:`mlsanm_cli.contact.geometry.contact_grid`); pressures at the nodes of a surface are drivers
-themselves (:mod:`mlsanm_cli.contact.response.nodal`).
+themselves (:mod:`mlsanm_cli.contact.response.nodal`). The drivers of a scene are load factors, motions, and
+those of every contact, in this order.
 """
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from collections.abc import Hashable, Iterable
+from functools import cached_property
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.geometry.surface_response import SurfaceResponse
+from mlsanm_cli.contact.response.linear_map import Counts, LinearMap
 from mlsanm_cli.contact.response.nodal import NodalBasis
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.near_field import Isotropic, as_real
 from mlsanm_cli.mechanics.remainder import remainder_sources
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
+Key = TypeVar("Key", bound=Hashable)
 SHORTEST_WAVE = 6.0
 """Wavelength in spacings, in the middle of a contact, of the highest polynomial."""
 LEAST_ORDER = 6
@@ -47,7 +53,7 @@ class GridBasis:
         deviation = grid.deviation(unit, which)
         blocks = [grid.spreads[which] @ deviation]
         if grid.covers:
-            blocks.append(grid.mean_traction(which))
+            blocks.append(np.outer(grid.evened[which] * grid.directions[which][0], grid.mean_weights))
         if grid.pinned:
             # Pins stay where they are: what the samples do not represent moves them back.
             acting, moved = grid.hats.at_places(grid.directions[which]), []
@@ -96,8 +102,7 @@ class GridBasis:
                 surface = self._pairing.surface_of(slave)
                 for component, axis in enumerate(np.eye(2)):
                     along = np.tile(axis, (len(surface.index), 1))
-                    source = body.source(surface.name, along, held=False)
-                    total[:, self.samples + component] += sign * source
+                    total[:, self.samples + component] += sign * body.source(surface.name, along, held=False)
             for number, pin in pins:
                 for component, row in body.pin_rows(pin.node):
                     place = number + component * len(grid.pinned)
@@ -168,3 +173,92 @@ def _projection(waves: FloatArray, extent: FloatArray) -> FloatArray:
     # Small remainders lose their orthogonality.
     shapes = np.linalg.qr(np.hstack([waves, more]))[0]
     return np.asarray(shapes @ shapes.T)
+
+
+def spans(names: Iterable[Key], counts: Iterable[int], first: int = 0) -> dict[Key, slice]:
+    """Ranges of every contact's nodes in the concatenation of all contacts, from ``first`` on."""
+    ends = np.cumsum([first, *counts]).tolist()
+    return {name: slice(a, b) for name, a, b in zip(names, ends[:-1], ends[1:], strict=True)}
+
+
+@dataclass(frozen=True)
+class Drivers:
+    """The drivers of ``pairings``, with the numbers of ``loads`` and unknown ``motions``."""
+
+    loads: int
+    motions: int
+    pairings: tuple[Pairing, ...]
+
+    @property
+    def frictional(self) -> tuple[Pairing, ...]:
+        """The contacts with friction."""
+        return tuple(pairing for pairing in self.pairings if pairing.friction)
+
+    @property
+    def on_grids(self) -> tuple[Pairing, ...]:
+        """The contacts with contact grids."""
+        return tuple(pairing for pairing in self.pairings if not pairing.nodal)
+
+    @cached_property
+    def bases(self) -> dict[str, Basis]:
+        """The discretisation of every contact."""
+        return {pairing.name: basis_of(pairing) for pairing in self.pairings}
+
+    @cached_property
+    def spans(self) -> dict[str, slice]:
+        """Range of every contact among the unknown pressures."""
+        return spans([one.name for one in self.pairings], [one.count for one in self.pairings])
+
+    @cached_property
+    def tangential(self) -> dict[str, slice]:
+        """Range of every frictional contact among the unknown tractions."""
+        return spans([one.name for one in self.frictional], [one.count for one in self.frictional])
+
+    @cached_property
+    def counts(self) -> Counts:
+        """Numbers of the unknowns."""
+        pressures, tractions = (sum(p.count for p in some) for some in (self.pairings, self.frictional))
+        return self.loads, self.motions, pressures, tractions
+
+    @cached_property
+    def places(self) -> dict[str, slice]:
+        """Range of every contact among the drivers."""
+        counts = [basis.drivers for basis in self.bases.values()]
+        return spans(self.bases, counts, self.loads + self.motions)
+
+    @property
+    def total(self) -> int:
+        """Number of all drivers."""
+        return self.loads + self.motions + sum(basis.drivers for basis in self.bases.values())
+
+    def of_samples(self, pairing: Pairing) -> slice:
+        """The forces (2k,), x then y, at a contact grid's samples among the drivers."""
+        first = self.places[pairing.name].start
+        return slice(first, first + 2 * pairing.grid.count)
+
+    @property
+    def means(self) -> IntArray:
+        """Indices of the mean tractions x and y of contacts that cover their surfaces."""
+        covering = [self.of_samples(one).stop for one in self.on_grids if one.grid.covers]
+        return (np.array(covering, dtype=np.int64)[:, None] + np.arange(2)).ravel()
+
+    @cached_property
+    def matrix(self) -> sparse.csr_array:
+        """The drivers (drivers, unknowns) per unit of every unknown."""
+        rubbing = [one.name for one in self.frictional]
+        first = sparse.eye_array(self.loads + self.motions)
+        rows: list[list[Any]] = [[first, *[None] * (len(self.bases) + len(rubbing))]]
+        for name, basis in self.bases.items():
+            pressures = [basis.by_values(0) if one == name else None for one in self.bases]
+            tractions = [basis.by_values(1) if one == name else None for one in rubbing]
+            rows.append([None, *pressures, *tractions])
+        return sparse.csr_array(sparse.block_array(rows, format="csr"))
+
+    def columns(self, linear: LinearMap, name: str) -> list[FloatArray]:
+        """Views of a map's columns for the pressures and, with friction, the tractions of a contact."""
+        pairs = ((linear.pressure, self.spans), (linear.traction, self.tangential))
+        return [part[:, ranges[name]] for part, ranges in pairs if name in ranges]
+
+    def by_unknowns(self, rows: FloatArray) -> LinearMap:
+        """Functionals ``rows`` (r, drivers) in terms of the unknowns."""
+        return LinearMap.of_rows(np.ascontiguousarray(rows @ self.matrix), self.counts)

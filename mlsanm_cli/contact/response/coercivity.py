@@ -182,7 +182,5 @@ def relative_resistance(
 
 def stiffness_ratio(pairing: Pairing, models: Mapping[str, BodyModel]) -> float:
     """Ratio of the slave's to the master's stiffness; 0 for an obstacle."""
-    slave, *masters = (
-        models[body].material.contact_compliance(pairing.normal).mean() for body in pairing.bodies
-    )
-    return float(sum(master / slave for master in masters))
+    soft = [models[body].material.contact_compliance(pairing.normal).mean() for body in pairing.bodies]
+    return float(sum(master / soft[0] for master in soft[1:]))

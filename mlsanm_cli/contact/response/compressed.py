@@ -24,8 +24,6 @@ SAMPLES = 32
 """Rows and columns sampled for the largest entry."""
 OWN_DISTANCE = 0.44
 """Distance over a hat's width at which the kernel stands for the compliance of a node itself."""
-
-
 SINGULAR = 1e-15
 """Reciprocal condition number of a singular matrix."""
 

@@ -15,10 +15,10 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import AnyArray, FloatArray, IntArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.balance import ForceSums
+from mlsanm_cli.contact.response.basis import Drivers, spans
 from mlsanm_cli.contact.response.bonds import bind
 from mlsanm_cli.contact.response.compressed import COMPRESSED_CONTACT, COMPRESSED_TOTAL
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.contact.response.drivers import Drivers, spans
 from mlsanm_cli.contact.response.eigenstress import Eigenstresses, flowing, narrowed, widened
 from mlsanm_cli.contact.response.linear_map import LinearMap, stack
 from mlsanm_cli.contact.response.near_field_response import (
@@ -73,10 +73,8 @@ def _condensed(scene: Scene, content: str, responses: BodyResponses) -> Condense
         gap, slip = compressed_gap(scene, drivers, smooth, weight), LinearMap.zeros(0, counts)
     else:
         moved = {one.name: drivers.by_unknowns(rows[one.name][0]) for one in pairings}
-        gap, slip = (
-            stack([moved[one.name].combined(means[one.name](which)) for one in some], counts)
-            for which, some in enumerate((pairings, drivers.frictional))
-        )
+        gap = stack([moved[one.name].combined(means[one.name](0)) for one in pairings], counts)
+        slip = stack([moved[one.name].combined(means[one.name](1)) for one in drivers.frictional], counts)
         for pairing in pairings:
             add_singular(gap, scene, drivers, pairing, 0)
         for pairing in drivers.frictional:

@@ -24,10 +24,10 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.complementarity.problem import Problem
 from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.response.basis import Drivers, spans
 from mlsanm_cli.contact.response.bonds import Bonds
 from mlsanm_cli.contact.response.compressed import Bordered, Multiplier, compressed, largest
 from mlsanm_cli.contact.response.contact_fields import NearFields
-from mlsanm_cli.contact.response.drivers import Drivers, spans
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.mechanics.scene import Scene
@@ -226,8 +226,7 @@ class Condensed:
     ) -> tuple[FloatArray, sparse.csc_array]:
         """Solution (2N, 1) of a body's elastic system in a state f, q, p, t, and its right-hand side (r, 1):
         one solve; none without contact, as the ``solutions`` (2N, drivers) are stored then."""
-        f, q, p, t = unknowns
-        source = self.source(body, f, q, p, t)
+        source = self.source(body, *unknowns)
         if body in self.solutions:
             own = self.inner[body][1] if body in self.inner else 0.0
             return (self.solutions[body] @ self.drive(unknowns) + own)[:, None], source

@@ -69,9 +69,8 @@ class Intervals:
         s = ends[:-1] + SHARES[:, None] * np.diff(ends)
         place, inward, both = grid.facing.side_and_directions(s.ravel(), slave)
         normal, tangent = (one.reshape(*s.shape, 2) for one in both)
-        return cls(
-            grid, slave, kernel, ends, place.reshape(s.shape), inward.reshape(s.shape), (normal, tangent)
-        )
+        at_points = place.reshape(s.shape), inward.reshape(s.shape), (normal, tangent)
+        return cls(grid, slave, kernel, ends, *at_points)
 
     @property
     def steps(self) -> FloatArray:
@@ -91,10 +90,6 @@ class Intervals:
     def sources(self, place: ComplexArray, inward: ComplexArray) -> SurfaceForces:
         """Unit forces on the body at given points."""
         return SurfaceForces(self.kernel, place, inward, self.grid.centers[0 if self.slave else 1])
-
-    def of_points(self, span: slice) -> SurfaceForces:
-        """Unit forces (q i,) at the quadrature points of some intervals."""
-        return self.sources(self.place[:, span].ravel(), self.inward[:, span].ravel())
 
     def of_samples(self, span: slice) -> tuple[SurfaceForces, FloatArray]:
         """Unit forces at samples, and the shares (k, q i) in them of forces at the quadrature points of some
@@ -265,7 +260,8 @@ def _arrange(
         for half in (slice(span.start, middle), slice(middle, span.stop)):
             _arrange(intervals, z, adjacent, half, groups, pairs, corner)
         return
-    sources, image = acting(intervals.of_points(span))
+    places = intervals.place[:, span].ravel(), intervals.inward[:, span].ravel()
+    sources, image = acting(intervals.sources(*places))
     if corner is not None:
         groups.append(_Group(adjacent, z[adjacent], span, sources, None, image))
         return
@@ -311,9 +307,8 @@ def _close_matrix(
             places = (first[some, None] + share * step).ravel()
             *side, directions = intervals.grid.facing.side_and_directions(places, intervals.slave)
             sources, seen = intervals.sources(*side), np.repeat(z[some], points)
-            fields = np.concatenate(
-                [sources.displacement_of_each(seen), sources.stress_of_each(seen)], axis=1
-            )
+            both = sources.displacement_of_each(seen), sources.stress_of_each(seen)
+            fields = np.concatenate(both, axis=1)
             by_kind = (fields @ np.stack(directions, axis=2)).reshape(*share.shape, 5, 2)
             hats = length[:, :, None] * np.stack([1.0 - share, share], axis=2)
             values[some] = np.einsum("pkfd,pke->pfed", by_kind, hats)

@@ -67,14 +67,15 @@ class Eigenstresses:
             rows[name] = functional_rows(scene, responses.drivers, responses.places, name)
         return cls(scene, loads, rows, own, len(scene.loads), wide)
 
-    def response(
+    def within(
         self,
+        condensed: Condensed,
         stresses: Mapping[str, FloatArray],
         quick: bool = False,
         more: Mapping[str, FloatArray] = NOTHING,
-    ) -> tuple[dict[str, Any], FloatArray]:
-        """Right-hand sides (r,) and displacements (2N,) by body for eigenstresses (n, 3), and the functionals
-        (c,); ``quick``: as accurate as the factors are; ``more`` are further right-hand sides (r,)."""
+    ) -> Condensed:
+        """A ``condensed`` scene without eigenstresses under those given (n, 3); ``quick``: as accurate as the
+        factors are; ``more`` are further right-hand sides (r,)."""
         inner, seen = {}, np.zeros(self.wide.gap.load.shape[1] - self.count)
         for name, stress in stresses.items():
             flat, system = stress.T.ravel(), self.scene.bodies[name].system
@@ -83,17 +84,6 @@ class Eigenstresses:
             moved = (system.correction(column) if quick else system.solve(column))[:, 0]
             inner[name] = source, moved
             seen = seen + self.rows[name] @ moved - self.own[name] @ flat
-        return inner, seen
-
-    def within(
-        self,
-        condensed: Condensed,
-        stresses: Mapping[str, FloatArray],
-        quick: bool = False,
-        more: Mapping[str, FloatArray] = NOTHING,
-    ) -> Condensed:
-        """A ``condensed`` scene without eigenstresses under those given (n, 3), see :meth:`response`."""
-        inner, seen = self.response(stresses, quick, more)
         changed = _mapped(condensed, self.wide, lambda own, by: own.shifted(by.load[:, self.count :] @ seen))
         found = replace(changed, inner=inner)
         # Whatever does not depend on constants, computed at most once.
@@ -122,7 +112,6 @@ def widened(scene: Scene, count: int) -> Scene:
 
 def narrowed(wide: Condensed, count: int) -> Condensed:
     """A condensed scene with the first loads only."""
-
     extra = np.s_[count : wide.gap.load.shape[1]]
     return replace(
         _mapped(wide, wide, lambda one, _: replace(one, load=one.load[:, :count])),

@@ -28,10 +28,9 @@ class LinearMap:
     traction: FloatArray
 
     @classmethod
-    def of_rows(cls, rows: FloatArray, counts: Counts, constant: FloatArray | None = None) -> LinearMap:
+    def of_rows(cls, rows: FloatArray, counts: Counts) -> LinearMap:
         """A dense array (r, L + k + m + n) as a linear map."""
-        start = np.zeros(len(rows)) if constant is None else constant
-        return cls(start, *np.split(rows, np.cumsum(counts[:3]), axis=1))
+        return cls(np.zeros(len(rows)), *np.split(rows, np.cumsum(counts[:3]), axis=1))
 
     @classmethod
     def zeros(cls, rows: int, counts: Counts) -> LinearMap:

@@ -15,9 +15,9 @@ from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.contact.geometry.clusters import Chain
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.geometry.surface_response import SurfaceResponse
+from mlsanm_cli.contact.response.basis import Drivers
 from mlsanm_cli.contact.response.compressed import Compressed, as_array
 from mlsanm_cli.contact.response.contact_fields import NearFields
-from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.mechanics.corner import Forces
 from mlsanm_cli.mechanics.near_field import as_complex, as_real, by_component
@@ -94,17 +94,15 @@ def add_singular(linear: LinearMap, scene: Scene, drivers: Drivers, pairing: Pai
     if pairing.nodal:
         return
     grid, (responses, log, turn) = pairing.grid, _singular(scene, pairing)
-    spans = (drivers.spans[pairing.name], drivers.tangential.get(pairing.name))
-    rows = spans[which]
-    for other, (part, span) in enumerate(zip((linear.pressure, linear.traction), spans, strict=True)):
-        if span is not None:
-            total = grid.singular_integrals(log, turn, which, other)
-            terms = (term for one in responses for term in one.corner_terms(which, other))
-            for seen, compliance, acting in terms:
-                total += seen @ compliance @ acting.T
-            if grid.evened[other]:
-                total = total @ grid.deviation(np.eye(len(total)), other)
-            part[rows, span] += (1.0 / grid.hats.weight[:, None]) * total
+    rows = (drivers.spans, drivers.tangential)[which][pairing.name]
+    for other, part in enumerate(drivers.columns(linear, pairing.name)):
+        total = grid.singular_integrals(log, turn, which, other)
+        terms = (term for one in responses for term in one.corner_terms(which, other))
+        for seen, compliance, acting in terms:
+            total += seen @ compliance @ acting.T
+        if grid.evened[other]:
+            total = total @ grid.deviation(np.eye(len(total)), other)
+        part[rows] += (1.0 / grid.hats.weight[:, None]) * total
 
 
 def compressed_gap(scene: Scene, drivers: Drivers, rows: FloatArray, weight: FloatArray) -> LinearMap:
@@ -141,9 +139,7 @@ def seen_by_probe(scene: Scene, drivers: Drivers, probe: Probe, rows: FloatArray
         rows[-len(free) :, heating.number] -= free * heating.field.at(probe.point)
     linear = drivers.by_unknowns(rows)
     for pairing in drivers.on_grids:
-        parts = [linear.pressure[:, drivers.spans[pairing.name]]]
-        if pairing.friction:
-            parts.append(linear.traction[:, drivers.tangential[pairing.name]])
+        parts = drivers.columns(linear, pairing.name)
         unit, nothing = np.eye(pairing.count), np.zeros((pairing.count,) * 2)
         for slave, sign in pairing.sides_of(probe.body):
             fields = NearFields.at(pairing.grid, model.kernel, slave, as_complex(probe.point))
@@ -177,13 +173,10 @@ def wall_forces(
             return -resultant(across, as_real(grid.facing.side(s, slave)[0]), center)
 
         rows[where][:, samples] -= carried(np.tile(grid.samples, 2), np.repeat(np.eye(2), grid.count, axis=0))
-        spans = (drivers.spans[pairing.name], drivers.tangential.get(pairing.name))
-        parts = (steps[where].pressure, steps[where].traction)
-        for which, (span, part) in enumerate(zip(spans, parts, strict=True)):
-            if span is not None:
-                by = carried(grid.hats.points, grid.directions[which])
-                deviation = grid.deviation(np.eye(pairing.count), which)
-                part[:, span] += (grid.hats.integrals @ by.T).T @ deviation
+        for which, part in enumerate(drivers.columns(steps[where], pairing.name)):
+            by = carried(grid.hats.points, grid.directions[which])
+            deviation = grid.deviation(np.eye(pairing.count), which)
+            part += (grid.hats.integrals @ by.T).T @ deviation
 
     for pairing in drivers.on_grids:
         grid = pairing.grid

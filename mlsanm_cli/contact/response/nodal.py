@@ -20,7 +20,7 @@ from mlsanm_cli.operators.stencil_weights import nodal_pairs
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
 if TYPE_CHECKING:
-    from mlsanm_cli.contact.response.drivers import Drivers
+    from mlsanm_cli.contact.response.basis import Drivers
 
 FIXED_POINT_STEPS = 8
 """Steps to a point of the slave, whose errors fall by the product of gap and curvature in each."""
@@ -63,10 +63,8 @@ class NodalBasis:
             source = sparse.csc_array((body.rows, self._count))
             if pairing.slave_body == name:
                 chosen = np.flatnonzero(pairing.candidate)
-                along, normal = (
-                    (pairing.tangent if tangential else pairing.normal)[chosen],
-                    pairing.normal[chosen],
-                )
+                normal = pairing.normal[chosen]
+                along = pairing.tangent[chosen] if tangential else normal
                 for part, own, on in facing_parts(pairing.slave, pairing.position[chosen], normal):
                     for component in (0, 1):
                         rows = body.condition_rows(part.name, component)[own]

@@ -16,7 +16,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.response.drivers import Drivers, spans
+from mlsanm_cli.contact.response.basis import Drivers, spans
 from mlsanm_cli.contact.response.near_field_response import near_field_response
 from mlsanm_cli.contact.response.nodal import relative_rows
 from mlsanm_cli.mechanics.body import ElasticBody

@@ -126,9 +126,8 @@ class FiniteBody:
         if not self.loads.warming:
             return None
         values = [one.values if points is None else one.field.at(points) for one in self.loads.warming]
-        return np.asarray(
-            sum(factors[one.number] * v for one, v in zip(self.loads.warming, values, strict=True))
-        )
+        parts = zip(self.loads.warming, values, strict=True)
+        return np.asarray(sum(factors[one.number] * value for one, value in parts))
 
     def degrees_jets(self, factors: FloatArray) -> FloatArray | None:
         """Temperature changes at the nodes as jets (3, n)."""
@@ -263,10 +262,7 @@ def far_from(body: FiniteBody, displacement: FloatArray, base_state: FloatArray)
 
 def most_stretched(body: FiniteBody, displacement: FloatArray, base_state: FloatArray) -> tuple[float, int]:
     """Largest stretch of a node, or inverse of the smallest, between two states (2N,), and the node."""
-    now, then = (
-        (body.gradient(u) + np.array([1.0, 0.0, 0.0, 1.0])[:, None]).T.reshape(-1, 2, 2)
-        for u in (displacement, base_state)
-    )
+    now, then = (body.gradient(u).T.reshape(-1, 2, 2) + np.eye(2) for u in (displacement, base_state))
     ratios = np.linalg.svd(now @ np.linalg.inv(then), compute_uv=False)
     largest = np.maximum(ratios.max(axis=1), 1.0 / ratios.min(axis=1))
     return float(largest.max()), int(largest.argmax())

@@ -53,7 +53,7 @@ class BodySeries:
 
     def put(self, order: int, displacement: FloatArray | None, factors: FloatArray) -> None:
         """Set ``order`` of displacement (2N,) and load factors (L,)."""
-        body, stressed = self.body, self._held.stop
+        body, applied, end = self.body, self.body.applied, self._held.stop
         self.factors[order] = factors
         for plate, turn in zip(body.loads.turning, self._turns, strict=True):
             # Cosine and sine of the plate's rotation.
@@ -74,7 +74,7 @@ class BodySeries:
             self._moved[order] = seen[self._loaded, 0].T
             self.middle[order] = (body.centers @ displacement.reshape(-1, 2)).T
             whole = gradient_of(seen)
-            gradient, self._loaded_gradient[order] = whole[:, None, :stressed], whole[:, stressed:]
+            gradient, self._loaded_gradient[order] = whole[:, None, :end], whole[:, end:]
             jets = jets_of(body.elastic.model.stencils.derivatives(displacement.reshape(-1, 2)))
         self._nodes.put(order, jets, degrees)
         if body.coarser is not None:
@@ -97,7 +97,6 @@ class BodySeries:
             self.middle[0] += body.elastic.pieces.middle.T
             self._loaded_gradient[0, [0, 3]] += 1.0
         # Forces at all points, in the components that count.
-        applied, end = self.body.applied, self._held.stop
         stress, normal = self._faces.stress[:, order, 0], self._normals[:end].T
         self.force[order, 0, :end] = stress[0] * normal[0] + stress[1] * normal[1]
         self.force[order, 1, :end] = stress[2] * normal[0] + stress[3] * normal[1]

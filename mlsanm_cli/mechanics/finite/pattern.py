@@ -108,11 +108,8 @@ class Pattern:
     def rows(self, values: FloatArray) -> tuple[sparse.csr_array, sparse.csr_array]:
         """Rows (r - 3k, 2N) of nodes and (3k, 2N) of pieces with coefficients ``values`` (m, 2)."""
         indptr, indices, flat = self._indptr, self._indices, values.reshape(-1)
-        width, middle = 2 * self.whole.count, indptr[self.pieces]
-        ends = (indptr[: self.pieces + 1], indptr[self.pieces :] - middle)
-        parts = ((flat[:middle], indices[:middle]), (flat[middle:], indices[middle:]))
-        nodes, pieces = (
-            sparse.csr_array((*part, end), shape=(len(end) - 1, width))
-            for part, end in zip(parts, ends, strict=True)
-        )
-        return nodes, pieces
+        split, middle, width = self.pieces, indptr[self.pieces], 2 * self.whole.count
+        nodes = flat[:middle], indices[:middle], indptr[: split + 1]
+        pieces = flat[middle:], indices[middle:], indptr[split:] - middle
+        shape = len(indptr) - 1 - split, width
+        return sparse.csr_array(nodes, shape=(split, width)), sparse.csr_array(pieces, shape=shape)

@@ -58,10 +58,8 @@ Loaded: TypeAlias = tuple[FiniteBody, FloatArray, FloatArray]
 
 def softest_motion(displaced: Callable[[FloatArray], FloatArray], bodies: Sequence[Loaded]) -> SoftMotion:
     """The softest motion of ``bodies``, which body forces (2N,) per undeformed area have ``displaced``."""
-    clouds, stresses = (
-        [body.elastic.model.cloud for body, *_ in bodies],
-        [one[0].stress(*one[1:]) for one in bodies],
-    )
+    clouds = [body.elastic.model.cloud for body, *_ in bodies]
+    stresses = [body.stress(displacement, factors) for body, displacement, factors in bodies]
     areas = np.repeat(np.concatenate([cloud.areas for cloud in clouds]), 2)
     root = np.sqrt(areas)
     # A force with parts of all long waves: cubic polynomials with irregular coefficients.
@@ -101,9 +99,8 @@ def softest_motion(displaced: Callable[[FloatArray], FloatArray], bodies: Sequen
             # those of pressures differ, they do not.
             energy = -resistance * float(areas @ motion**2)
             parts = zip(bodies, stresses, np.split(motion, ends), strict=True)
-            elastic, geometric = np.sum(
-                [_energies(*one[:2], stress, part) for one, stress, part in parts], axis=0
-            )
+            energies = [_energies(*one[:2], stress, part) for one, stress, part in parts]
+            elastic, geometric = np.sum(energies, axis=0)
             if elastic > max(-2.0 * geometric, 0.5 * energy):
                 continue
             unstable += 1
