@@ -45,10 +45,7 @@ class Seconds(click.FloatRange):
         return seconds
 
 
-Candidates = Callable[[click.Context], Iterable[Any]]
-
-
-def completed(candidates: Candidates) -> dict[str, Any]:
+def completed(candidates: Callable[[click.Context], Iterable[Any]]) -> dict[str, Any]:
     """The setting of a parameter that the shell completes by the texts among ``candidates``."""
 
     def complete(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:

@@ -244,10 +244,7 @@ def read_points(path: Path) -> tuple[FloatArray, tuple[str, ...], FloatArray, tu
     return points, tags, normals / length[:, None], places
 
 
-Table = Mapping[str, Sequence[str]]
-
-
-def _csv(path: Path) -> tuple[Table, tuple[str, ...]]:
+def _csv(path: Path) -> tuple[Mapping[str, Sequence[str]], tuple[str, ...]]:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
@@ -269,7 +266,7 @@ def _csv(path: Path) -> tuple[Table, tuple[str, ...]]:
     return dict(zip(header, zip(*rows.values(), strict=True), strict=True)), tuple(rows)
 
 
-def _hdf5(path: Path) -> tuple[Table, tuple[str, ...]]:
+def _hdf5(path: Path) -> tuple[Mapping[str, Sequence[str]], tuple[str, ...]]:
     import h5py
 
     check_readable(path)

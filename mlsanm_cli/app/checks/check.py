@@ -223,10 +223,6 @@ class Verdicts:
     def take_up(self, plain: Iterable[Mapping[str, Any]]) -> list[str]:
         """Continue with the checks of an earlier process; returns its warnings that are new to this one."""
         checks = [Check(**stored) for stored in plain]
-        known = set(self._worst)
+        new = [check for check in checks if (check.name, check.place) not in self._worst]
         self._worst = {(check.name, check.place): check for check in checks} | self._worst
-        return [
-            check.text
-            for check in checks
-            if (check.name, check.place) not in known and check.outcome == "warned"
-        ]
+        return [check.text for check in new if check.outcome == "warned"]

@@ -261,8 +261,7 @@ def _solved(
 
 
 def found_patches(built: CondensedScene, rule: Rule) -> Iterator[Patch]:
-    """Patches with an edge in the states at the ends of all stages, and stick zones; corners count on bodies
-    of revolution only."""
+    """Patches with an edge at the ends of all stages, and stick zones; corners count if ``revolved`` only."""
     for state in built.ends:
         for pairing in built.condensed.pairings:
             span = built.condensed.spans[pairing.name]

@@ -17,8 +17,7 @@ from mlsanm_cli.solve.state import State
 
 
 def solution(built: CondensedScene, state: State) -> Iterator[Check]:
-    """The residual, numbers that are not finite, and tractions beyond the friction limit, which regularised
-    laws may exceed by mu eta."""
+    """The residual, numbers that are not finite, and tractions beyond the friction limit."""
     message = f"the residual {state.residual:.3g} at position {state.position:.6g} is above the tolerance"
     hint = "raise solver.tolerance only if that residual is small enough for your purpose"
     yield Check("residual", state.residual, message, hint, fails=built.case.solver.tolerance)

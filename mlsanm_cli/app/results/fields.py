@@ -25,7 +25,7 @@ from mlsanm_cli.cloud.tips import tips_of
 from mlsanm_cli.contact.geometry.profile import THRESHOLD
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import schema
-from mlsanm_cli.io.plots.cloud import BodyPicture, CloudBody
+from mlsanm_cli.io.plots.cloud import BodyPicture, CloudBody, Window
 from mlsanm_cli.io.plots.curves import Curve, Panel, Picture
 from mlsanm_cli.io.run_reader import Dataset, RunData, SavedState
 from mlsanm_cli.mechanics.body_model import enough_neighbors, enriched_tips
@@ -217,9 +217,7 @@ def automatic_scale(run: RunData, bodies: Sequence[CloudBody]) -> float:
     return float(power * max(digit for digit in (1.0, 2.0, 5.0) if digit * power <= limit))
 
 
-def contact_window(
-    run: RunData, position: float, bodies: Sequence[CloudBody], scale: float
-) -> tuple[float, float, float, float] | None:
+def contact_window(run: RunData, position: float, bodies: Sequence[CloudBody], scale: float) -> Window | None:
     """The square (x0, x1, y0, y1) around the highest pressure as drawn; None if it is most of the scene."""
     if not run.contacts:
         return None

@@ -21,8 +21,7 @@ from mlsanm_cli.io.run_reader import RunData, read_origin, read_run
 
 
 def info(rundir: Path) -> Mapping[str, Any]:
-    """The summary of a run, or without one the figures of its steps, and its provenance. Raises RunError for
-    a directory without a readable run."""
+    """The summary of a run, or without one the figures of its steps, and its provenance. Raises RunError."""
     run = read_run(rundir, ("path", "contacts"))
     summary_file = run.directory / run_dir.SUMMARY_FILE
     summary = read_summary(summary_file) if summary_file.is_file() else _unfinished(run)

@@ -31,8 +31,7 @@ def plot(
     rundir: Path | Sequence[Path], *, formats: tuple[str, ...] = ("png",), choice: Choice | None = None
 ) -> list[Path]:
     """Draws the pictures of a run selected by ``choice``, or several runs in one picture, and returns the
-    files. Failed and stopped runs are drawn up to their last step. Raises RunError for runs without any state
-    and for choices not available in the run."""
+    files. Failed and stopped runs are drawn up to their last step. Raises RunError."""
     places = [rundir] if isinstance(rundir, Path) else list(rundir)
     choice = choice or Choice()
     choice.check(len(places))

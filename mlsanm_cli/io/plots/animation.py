@@ -18,7 +18,6 @@ from mlsanm_cli.io.plots.cloud import BodyPicture, draw_bodies, range_of
 from mlsanm_cli.io.plots.curves import Picture, draw_curves
 from mlsanm_cli.io.plots.figures import refuse_suffix, style
 
-ByteArray = NDArray[np.uint8]
 LAST_FRAME_MS = 1500
 """Duration in milliseconds of the last frame."""
 
@@ -62,7 +61,7 @@ def animate(path: Path, frames: Sequence[Picture | BodyPicture]) -> None:
         first.save(temporary, format="GIF", save_all=True, append_images=others, comment=comment, **times)
 
 
-def _write_mp4(path: Path, pixels: Sequence[ByteArray], milliseconds: int) -> None:
+def _write_mp4(path: Path, pixels: Sequence[NDArray[np.uint8]], milliseconds: int) -> None:
     """Writes an MP4 file by ffmpeg. Raises RunError if that is missing or fails."""
     program = shutil.which("ffmpeg")
     if program is None:

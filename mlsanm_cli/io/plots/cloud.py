@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.io.plots.figures import ConditionMarks, draw_marks, ends, picture
+from mlsanm_cli.io.plots.figures import COLOURS, ConditionMarks, draw_marks, ends, picture
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 Window = tuple[float, float, float, float]
 
 _OUTLINE_COLOUR = "#8c8c8c"
-_FRAME_COLOUR = "#D55E00"
 
 
 class CloudBody(NamedTuple):
@@ -107,7 +106,7 @@ def draw_bodies(figure: Figure, wanted: BodyPicture, views: Sequence[Window], li
     panels[0].set_title(f"{wanted.title}{times}")
     if len(views) > 1:
         x0, x1, y0, y1 = views[1]
-        frame = Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, edgecolor=_FRAME_COLOUR, linewidth=1.0)
+        frame = Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, edgecolor=COLOURS[1], linewidth=1.0)
         panels[0].add_patch(frame)
         panels[1].set_title("detail in the frame")
     # The values beyond the ends of the colour bar, in words.
