@@ -18,7 +18,8 @@ from mlsanm_cli.mechanics.elasticity import (
     divergence_of,
     divergence_of_stress,
     divergence_rows,
-    equilibrium_rows,
+    equilibrium_operator,
+    operator_rows,
     point_rows,
     stress_of,
     stress_rows,
@@ -155,7 +156,8 @@ class BodyModel:
         """Rows (n, 2N) of div sigma in x (0) or y (1) at the nodes; see :attr:`nested`."""
         even, stencils = self.nested, self.stencils
         rest = self.material.stiffness - even
-        parts = [equilibrium_rows(stencils, rest, component)] if rest.any() else []
+        operator = equilibrium_operator(rest, stencils.radius)[component]
+        parts = [operator_rows(stencils, slice(0, 6), operator)] if rest.any() else []
         if even.any():
             stresses = [stress_rows(stencils, even, part) for part in range(len(even))]
             parts.append(divergence_rows(stencils, component) @ sparse.vstack(stresses, format="csr"))

@@ -58,11 +58,6 @@ def fitted_around(model: BodyModel, centers: FloatArray, points: FloatArray) -> 
     return sparse.csr_array(sparse.block_diag([fitted] * 3, format="csr"))
 
 
-def eigenstress_reaction(body: ElasticBody, surface: str, center: tuple[float, float]) -> sparse.csr_array:
-    """Rows (3, 3n) of force and moment of a held surface due to eigenstresses, to subtract."""
-    return sparse.csr_array(body.reaction(surface, center, partial(fitted_around, body.model)))
-
-
 class Field(Protocol):
     """A scalar field over a body."""
 

@@ -105,11 +105,6 @@ def force_sums(arm: FloatArray, normal: FloatArray) -> sparse.csr_array:
     return sparse.csr_array(entries, shape=(3 * places, 3 * len(point)))
 
 
-def equilibrium_rows(stencils: Stencils, c: FloatArray, component: int) -> sparse.csr_array:
-    """Rows (e, 2n) of div sigma in x (0) or y (1) for uniform stiffness, by second derivatives."""
-    return operator_rows(stencils, slice(0, 6), equilibrium_operator(c, stencils.radius)[component])
-
-
 def equilibrium_operator(c: FloatArray, radius: FloatArray | None = None) -> FloatArray:
     """div sigma by value, first and second derivatives of u_x and u_y: (2, 6, 2, 1), at a ``radius`` (e,) (2,
     6, 2, e)."""

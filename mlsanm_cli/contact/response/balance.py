@@ -11,12 +11,15 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.basis import Drivers
 from mlsanm_cli.contact.response.linear_map import LinearMap, stack
+from mlsanm_cli.mechanics.near_field import as_real
 from mlsanm_cli.mechanics.rigid import ROTATION, motions_of
 from mlsanm_cli.mechanics.scene import RigidConstraint, RigidMotion, Scene
 from mlsanm_cli.records import dataclass
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 Held = tuple[str, str]
 
@@ -193,3 +196,46 @@ class ForceSums:
 def _about(center: tuple[float, float]) -> FloatArray:
     """Matrix (3, 3) that moves the reference of the moment from the origin to ``center``."""
     return np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [center[1], -center[0], 1.0]])
+
+
+def wall_forces(scene: Scene, drivers: Drivers, seen: Mapping[Held, FloatArray]) -> dict[Held, LinearMap]:
+    """Force x, y and moment (3 rows) of held surfaces, by body and name, from the functionals ``seen`` (3,
+    drivers) of the drivers.
+
+    A force at s' that pushes across a plane of symmetry at which the contact ends is the more carried by it
+    the nearer it is, and at the plane wholly. As a function of s' this has a step there, which samples of
+    given parity do not represent: with J = 1, or between two planes a linear J that is 1 at the plane and 0
+    at the other, minus J times the component across is integrated over the hats, and the rest is sampled.
+    """
+    rows = {where: one.copy() for where, one in seen.items()}
+    steps = {where: LinearMap.zeros(3, drivers.counts) for where in rows}
+
+    def add(pairing: Pairing, slave: bool, sign: float, end: float, normal: FloatArray, where: Held) -> None:
+        grid, samples, center = pairing.grid, drivers.of_samples(pairing), scene.center(*where)
+
+        def carried(s: FloatArray, force: FloatArray) -> FloatArray:
+            share = 1.0 - np.abs(s - end) / (grid.last - grid.first) * (None not in grid.mirrors)
+            across = (share * (force @ normal))[:, None] * (sign * normal)
+            arm = as_real(grid.facing.side(s, slave)[0]) - np.array(center)
+            return -np.stack([*across.T, cross(arm, across)])
+
+        rows[where][:, samples] -= carried(np.tile(grid.samples, 2), np.repeat(np.eye(2), grid.count, axis=0))
+        for which, part in enumerate(drivers.columns(steps[where], pairing.name)):
+            by = carried(grid.hats.points, grid.directions[which])
+            deviation = grid.deviation(np.eye(pairing.count), which)
+            part += (grid.hats.integrals @ by.T).T @ deviation
+
+    for pairing in drivers.on_grids:
+        grid = pairing.grid
+        for body, slave, sign in pairing.sides:
+            for end, plane in zip((grid.first, grid.last), grid.mirrors, strict=True):
+                if plane is None:
+                    continue
+                tip = as_real(grid.facing.side(np.array([end]), slave)[0])
+                for name in scene.bodies[body].held:
+                    curve = scene.bodies[body].model.cloud.surfaces[name].curve
+                    away = np.abs(curve.points(np.array([0.0, curve.length])) - tip).max(axis=1).min()
+                    if away <= COARSE_ROUND_OFF * curve.length:
+                        normal = np.array([-plane.along.imag, plane.along.real])
+                        add(pairing, slave, sign, end, normal, (body, name))
+    return {where: drivers.by_unknowns(one) + steps[where] for where, one in rows.items()}

@@ -8,28 +8,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import AnyArray, FloatArray, IntArray
+from mlsanm_cli.contact.geometry.clusters import Chain
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.response.balance import ForceSums
+from mlsanm_cli.contact.geometry.surface_response import SurfaceResponse
+from mlsanm_cli.contact.response.balance import ForceSums, wall_forces
 from mlsanm_cli.contact.response.basis import Drivers, spans
 from mlsanm_cli.contact.response.bonds import bind
-from mlsanm_cli.contact.response.compressed import COMPRESSED_CONTACT, COMPRESSED_TOTAL
+from mlsanm_cli.contact.response.compressed import COMPRESSED_CONTACT, COMPRESSED_TOTAL, Compressed, as_array
 from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.contact.response.contact_fields import NearFields
 from mlsanm_cli.contact.response.eigenstress import Eigenstresses, flowing, narrowed, widened
 from mlsanm_cli.contact.response.linear_map import LinearMap, stack
-from mlsanm_cli.contact.response.near_field_response import (
-    add_singular,
-    compressed_gap,
-    seen_by_probe,
-    wall_forces,
-)
 from mlsanm_cli.contact.response.nodal import correct_short_waves
 from mlsanm_cli.contact.response.responses import BodyResponses, used_columns, without_coefficients
-from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.mechanics.near_field import as_complex
+from mlsanm_cli.mechanics.scene import Probe, Scene
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.roundoff import ROUND_OFF
 
@@ -70,15 +69,15 @@ def _condensed(scene: Scene, content: str, responses: BodyResponses) -> Condense
     many = most > COMPRESSED_CONTACT or counts[2] > COMPRESSED_TOTAL
     if many and not any(one.nodal or one.friction for one in pairings):
         smooth = np.concatenate([means[name](0) @ samples for name, (samples, _) in rows.items()])
-        gap, slip = compressed_gap(scene, drivers, smooth, weight), LinearMap.zeros(0, counts)
+        gap, slip = _compressed_gap(scene, drivers, smooth, weight), LinearMap.zeros(0, counts)
     else:
         moved = {one.name: drivers.by_unknowns(rows[one.name][0]) for one in pairings}
         gap = stack([moved[one.name].combined(means[one.name](0)) for one in pairings], counts)
         slip = stack([moved[one.name].combined(means[one.name](1)) for one in drivers.frictional], counts)
         for pairing in pairings:
-            add_singular(gap, scene, drivers, pairing, 0)
+            _add_singular(gap, scene, drivers, pairing, 0)
         for pairing in drivers.frictional:
-            add_singular(slip, scene, drivers, pairing, 1)
+            _add_singular(slip, scene, drivers, pairing, 1)
     watched = stack([drivers.by_unknowns(rows[one.name][1]) for one in pairings], counts)
     places = spans(rows, [len(beyond) for _, beyond in rows.values()])
     for pairing in pairings:
@@ -116,7 +115,7 @@ def _condensed(scene: Scene, content: str, responses: BodyResponses) -> Condense
         gap, slip, beyond = gap.take(free), slip.take(sliding), sparse.csr_array(beyond[kept][:, kept])
         watched = watched.take(_numbers([places[one.name] for one in loose.pairings]))
     effects = np.concatenate([bonds.acting(one) for one in (gap, slip, balance)])
-    probes = {one.name: seen_by_probe(scene, drivers, one, seen["probe", one.name]) for one in scene.probes}
+    probes = {one.name: _seen_by_probe(scene, drivers, one, seen["probe", one.name]) for one in scene.probes}
     quantities = forces.quantities() | {"probe": probes}
     return Condensed(
         pairings=loose.pairings,
@@ -154,6 +153,75 @@ def _add_obstacle(
             by_loads, by_motions = np.split(change, [linear.load.shape[1]], axis=1)
             linear.load[rows] -= by_loads
             linear.motion[rows] -= by_motions
+
+
+def _singular(scene: Scene, pairing: Pairing) -> tuple[list[SurfaceResponse], FloatArray, FloatArray]:
+    """The responses of a contact's bodies, and their tensors L and T (2, 2) summed."""
+    kernels = [(scene.bodies[body].model.kernel, slave) for body, slave, _ in pairing.sides]
+    responses, log, turn = [SurfaceResponse.of(pairing.grid, *each) for each in kernels], *np.zeros((2, 2, 2))
+    for response in responses:
+        log, turn = log + response.tensors[0], turn + response.tensors[1]
+    return responses, log, turn
+
+
+def _add_singular(linear: LinearMap, scene: Scene, drivers: Drivers, pairing: Pairing, which: int) -> None:
+    """Add to a contact's gaps (``which`` 0) or slips (1) the singular part of the response to its own
+    pressures and tractions: none of nodal ones."""
+    if pairing.nodal:
+        return
+    grid, (responses, log, turn) = pairing.grid, _singular(scene, pairing)
+    rows = (drivers.spans, drivers.tangential)[which][pairing.name]
+    for other, part in enumerate(drivers.columns(linear, pairing.name)):
+        total = grid.singular_integrals(log, turn, which, other)
+        terms = (term for one in responses for term in one.corner_terms(which, other))
+        for seen, compliance, acting in terms:
+            total += seen @ compliance @ acting.T
+        if grid.evened[other]:
+            total = total @ grid.deviation(np.eye(len(total)), other)
+        part[rows] += (1.0 / grid.hats.weight[:, None]) * total
+
+
+def _compressed_gap(scene: Scene, drivers: Drivers, rows: FloatArray, weight: FloatArray) -> LinearMap:
+    """Gaps (m,) of all contacts from their smooth functionals ``rows`` (m, drivers), with the singular parts;
+    the compliance is compressed. Of frictionless contacts on grids, with the ``weight`` (m,) of hats."""
+    first = drivers.loads + drivers.motions
+    few = LinearMap.of_rows(rows[:, :first] @ drivers.matrix[:first], drivers.counts)
+    right = drivers.matrix[first:, first:].toarray()
+    total = Compressed.product(rows[:, first:].copy(), right, weight)
+    for pairing in drivers.pairings:
+        grid, (responses, log, turn) = pairing.grid, _singular(scene, pairing)
+        near, far = grid.singular_chains(log, turn)
+        cornered: list[Chain] = [
+            (seen, compliance, sparse.csr_array(acting.T))
+            for response in responses
+            for seen, compliance, acting in response.corner_terms(0, 0)
+        ]
+        if grid.covers:
+            even = np.ones(pairing.count)
+            evenly = near @ even
+            for chain in (*far, *cornered):
+                evenly += reduce(lambda right, one: one @ right, reversed(chain), even)
+            cornered.append((-evenly[:, None], grid.mean_weights[None]))
+        total = total.plus(near, far, cornered, drivers.spans[pairing.name].start, grid.hats.place)
+    return replace(few, pressure=as_array(total))
+
+
+def _seen_by_probe(scene: Scene, drivers: Drivers, probe: Probe, rows: FloatArray) -> LinearMap:
+    """Displacement and stress of a probe, near fields included and without thermal stress from free
+    expansion, from its functionals ``rows`` (r, drivers)."""
+    model, rows = scene.bodies[probe.body].model, rows.copy()
+    free = model.material.stress_of_expansion
+    for heating in scene.heated(probe.body):
+        rows[-len(free) :, heating.number] -= free * heating.field.at(probe.point)
+    linear = drivers.by_unknowns(rows)
+    for pairing in drivers.on_grids:
+        parts = drivers.columns(linear, pairing.name)
+        unit, nothing = np.eye(pairing.count), np.zeros((pairing.count,) * 2)
+        for slave, sign in pairing.sides_of(probe.body):
+            fields = NearFields.at(pairing.grid, model.kernel, slave, as_complex(probe.point))
+            for part, values in zip(parts, ((unit, nothing), (nothing, unit)), strict=False):
+                part += sign * np.concatenate([field[0] for field in fields(*values)])
+    return linear
 
 
 def _without_tractions(scene: Scene, gap: LinearMap, slip: LinearMap, drivers: Drivers) -> None:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -21,7 +22,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.responses import BodyResponses, functional_rows
-from mlsanm_cli.mechanics.eigenstress import eigenstress_loads, eigenstress_reaction
+from mlsanm_cli.mechanics.eigenstress import eigenstress_loads, fitted_around
 from mlsanm_cli.mechanics.scene import RigidMotion, Scene
 from mlsanm_cli.records import dataclass
 
@@ -48,10 +49,10 @@ class Eigenstresses:
         for name in flowing(scene):
             body = scene.bodies[name]
             columns = 3 * len(body.model.cloud.points)
-            parts: dict[Any, sparse.csr_array] = {}
+            parts, around = dict[Any, sparse.csr_array](), partial(fitted_around, body.model)
             for surface in body.restrained:
-                reaction = eigenstress_reaction(body, surface, scene.center(name, surface))
-                parts["held", (name, surface)] = reaction
+                reaction = body.reaction(surface, scene.center(name, surface), around)
+                parts["held", (name, surface)] = sparse.csr_array(reaction)
             for probe in scene.probes:
                 if probe.body == name:
                     value = body.model.field_rows(probe.point)

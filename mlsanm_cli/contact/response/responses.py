@@ -16,10 +16,13 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.geometry.surface_response import SurfaceResponse
 from mlsanm_cli.contact.response.basis import Drivers, spans
-from mlsanm_cli.contact.response.near_field_response import near_field_response
 from mlsanm_cli.contact.response.nodal import relative_rows
 from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.corner import Forces
+from mlsanm_cli.mechanics.near_field import as_complex, by_component
+from mlsanm_cli.mechanics.remainder import reaction_of, spring_pull_of
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import NO_CACHE, Arrays, Memo
 from mlsanm_cli.operators.stencil_weights import nodal_rows
@@ -62,7 +65,7 @@ class BodyResponses:
             places = spans(counts, counts.values())
             sources = {name: _sources(scene, name, drivers) for name in scene.bodies}
             observed, solutions = _observe(scene, drivers, places, sources, memo)
-            observed += near_field_response(scene, drivers, places, len(observed))
+            observed += _near_fields(scene, drivers, places, len(observed))
             return cls(scene, drivers, places, sources, observed, solutions)
 
         return memo.value("responses", (scene, without_coefficients(pairings)), made)
@@ -195,3 +198,54 @@ def _solved(
         return {"observed": np.asarray(rows @ solution), "solution": solution}
 
     return memo.value("answers", (body.equations.content, sources, rows, quick), solve)
+
+
+def _near_fields(scene: Scene, drivers: Drivers, places: Mapping[Functional, slice], rows: int) -> FloatArray:
+    """Near-field part of all functionals (rows, drivers), except singular parts and probes."""
+    total = np.zeros((rows, drivers.total))
+    for pairing in drivers.on_grids:
+        columns = drivers.of_samples(pairing)
+        for body, slave, sign in pairing.sides:
+            elastic = scene.bodies[body]
+            forces = SurfaceResponse.of(pairing.grid, elastic.model.kernel, slave).forces
+            seen: dict[Functional, FloatArray] = {
+                ("contact", one.name): _on_contact(scene, one, pairing, body, forces, slave)
+                for one in drivers.pairings
+                if body in one.bodies
+            }
+            for surface in elastic.restrained:
+                reaction = reaction_of(elastic, surface, scene.center(body, surface), forces)
+                seen["held", (body, surface)] = reaction
+            for surface in elastic.soft_springs:
+                seen["spring", (body, surface)] = spring_pull_of(elastic, surface, forces)
+            for key, values in seen.items():
+                total[places[key], columns] += sign * values
+    return total
+
+
+def _on_contact(
+    scene: Scene, seen: Pairing, by: Pairing, body: str, forces: Forces, slave: bool
+) -> FloatArray:
+    """Motions of the samples of the contact ``seen``, and of points watched beyond, due to forces at the
+    samples of contact ``by``, perhaps the same one, through the near field in one body."""
+    found, kernel = list[FloatArray](), scene.bodies[body].model.kernel
+    ways = [(seen.normal, ~seen.candidate)]
+    if seen.nodal:
+        along = (seen.normal, seen.tangent) if seen.friction else (seen.normal,)
+        ways = [*((way, seen.candidate) for way in along), *ways]
+    else:
+        total = np.zeros((2 * seen.grid.count, 2 * len(forces.place)))
+        for is_slave, sign in seen.sides_of(body):
+            if seen.name == by.name and is_slave == slave:
+                moved = SurfaceResponse.of(seen.grid, kernel, slave).smooth()
+            else:
+                moved = forces.displacement(seen.grid.facing.side(seen.grid.samples, is_slave)[0])
+            total += sign * by_component(moved)
+        found.append(total)
+    for direction, chosen in ways:
+        total = np.zeros((int(chosen.sum()), 2 * len(forces.place)))
+        for is_slave, sign in seen.sides_of(body):
+            moved = forces.displacement(as_complex((seen.points if is_slave else seen.partner)[chosen]))
+            total += sign * np.einsum("ec,ekcd->edk", direction[chosen], moved).reshape(total.shape)
+        found.append(total)
+    return np.concatenate(found)

@@ -36,21 +36,12 @@ class Deformation:
     ``first`` I1 and ``second`` I2, ``volume`` J and ``compression`` 1/J."""
 
     def __init__(self, f: Sequence[Series], across: Term) -> None:
-        self.f, self.across = f, across
-
-    @cached_property
-    def trace(self) -> Term:
-        f11, f12, f21, f22 = self.f
-        return f11**2 + f12**2 + f21**2 + f22**2
-
-    @cached_property
-    def area(self) -> Term:
-        f11, f12, f21, f22 = self.f
-        return f11 * f22 - f12 * f21
-
-    @cached_property
-    def square(self) -> Term:
-        return self.across**2
+        self.f, self.across, self.square = f, across, across**2
+        f11, f12, f21, f22 = f
+        self.trace: Term = f11**2 + f12**2 + f21**2 + f22**2
+        self.area: Term = f11 * f22 - f12 * f21
+        self.volume = self.area * across
+        self.compression = 1.0 / self.volume
 
     @cached_property
     def first(self) -> Term:
@@ -59,14 +50,6 @@ class Deformation:
     @cached_property
     def second(self) -> Term:
         return self.area**2 + self.trace * self.square
-
-    @cached_property
-    def volume(self) -> Term:
-        return self.area * self.across
-
-    @cached_property
-    def compression(self) -> Term:
-        return 1.0 / self.volume
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -137,11 +137,7 @@ class SaintVenantKirchhoff(Law):
         material = self.linear
         moduli = np.column_stack([material.stiffness, material.coupling]).tolist()
         s11, s22, s12 = stress = [linear(zip(strain, row, strict=True)) for row in moduli]
-        plane = [
-            dot((x, f_x), (y, f_y))
-            for f_x, f_y in ((f11, f12), (f21, f22))
-            for x, y in ((s11, s12), (s12, s22))
-        ]
+        plane = _times_symmetric(f, s11, s12, s22)
 
         def contraction() -> Term:
             return linear(zip(stress, 2.0 * material.contraction, strict=True), 1.0) ** 0.5
@@ -152,6 +148,12 @@ class SaintVenantKirchhoff(Law):
 
         stretch = contraction if across is None else lambda: across
         return Stress(plane, (lambda: 0.0) if across is None else stress_across, stretch)
+
+
+def _times_symmetric(tensor: Sequence[Series], xx: Term, xy: Term, yy: Term) -> list[Series]:
+    """A ``tensor`` 11, 12, 21, 22 times a symmetric one."""
+    columns = ((xx, xy), (xy, yy))
+    return [dot((x, t_x), (y, t_y)) for t_x, t_y in (tensor[:2], tensor[2:]) for x, y in columns]
 
 
 def law_class(name: str) -> type[Any]:
@@ -169,9 +171,7 @@ class Response:
         self.law, self._tape = law, tape
         self._f = [tape.input() for _ in range(4)]
         self._degrees = tape.input() if warm else None
-        found = self._stress(apart)
-        self._plane = found.plane
-        self._across, self._stretch = found.across, found.stretch
+        self._found = found = self._stress(apart)
         self._mean = None if found.mean is None else tape.as_series(found.mean)
         self.gradient = np.zeros((4, *self._f[0].values.shape))
         self.stress = np.zeros_like(self.gradient)
@@ -185,16 +185,9 @@ class Response:
         g11, g22, g12 = degrees * a11 + 1.0, degrees * a22 + 1.0, degrees * (0.5 * double)
         g33, g21 = degrees * a33 + 1.0, g12
         area = g11 * g22 - g12 * g21
-        # Inverse of G, which is symmetric.
-        i11, i12, i22 = g22 / area, -g12 / area, g11 / area
-        f11, f12, f21, f22 = self._f
-        inverse = ((i11, i12), (i12, i22))
-        elastic = [dot((x, f_x), (y, f_y)) for f_x, f_y in ((f11, f12), (f21, f22)) for x, y in inverse]
+        elastic = _times_symmetric(self._f, g22 / area, -g12 / area, g11 / area)
         cold = law.stress_of(self._tape, elastic, 1.0 / g33 if confined else None, apart)
-        p11, p12, p21, p22 = cold.plane
-        c11, c12, c22 = g22 * g33, -g12 * g33, g11 * g33
-        cofactor = ((c11, c12), (c12, c22))
-        plane = [dot((x, p_x), (y, p_y)) for p_x, p_y in ((p11, p12), (p21, p22)) for x, y in cofactor]
+        plane = _times_symmetric(cold.plane, g22 * g33, -g12 * g33, g11 * g33)
         return Stress(plane, lambda: cold.across() * area, lambda: cold.stretch() * g33, cold.mean)
 
     def put(self, order: int, gradient: FloatArray | None, degrees: FloatArray | None = None) -> None:
@@ -208,7 +201,7 @@ class Response:
         if self._degrees is not None:
             self._degrees.values[order] = 0.0 if degrees is None else degrees
         self._tape.advance(order)
-        for place, component in enumerate(self._plane):
+        for place, component in enumerate(self._found.plane):
             self.stress[place, order] = component.values[order]
 
     def units(self) -> Iterator[int]:
@@ -233,7 +226,7 @@ class Response:
     @cached_property
     def stretch_across(self) -> FloatArray:
         """Stretch (n,) across the plane."""
-        return self._value(self._stretch())
+        return self._value(self._found.stretch())
 
     @property
     def volume(self) -> FloatArray:
@@ -245,7 +238,7 @@ class Response:
     def cauchy(self) -> FloatArray:
         """Cauchy stresses xx, yy, zz, xy (4, n)."""
         (f11, f12, f21, f22), (p11, p12, p21, p22) = self.gradient[:, 0, 0], self.stress[:, 0, 0]
-        across = self._value(self._across()) * self.stretch_across
+        across = self._value(self._found.across()) * self.stretch_across
         whole = np.stack([p11 * f11 + p12 * f12, p21 * f21 + p22 * f22, across, p11 * f21 + p12 * f22])
         return np.asarray(whole / self.volume)
 
