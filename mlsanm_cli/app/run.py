@@ -153,20 +153,16 @@ def resume(rundir: Path, *, max_wall: float | None = None, console: Console) -> 
             console.note(f"the run in {rundir} is complete, there is nothing to resume")
             return {**read_summary(summary_file), "directory": str(rundir)}
         if ended == "failed":
-            raise RunError(
-                f"the run in {rundir} failed, and resuming would repeat the failure",
-                "change the case and run it with --force",
-            )
+            message = f"the run in {rundir} failed, and resuming would repeat the failure"
+            raise RunError(message, "change the case and run it with --force")
         if not origin.case_resolved:
-            raise RunError(
-                f"the run in {rundir} was killed before its first step", "run the case again with --force"
-            )
+            message = f"the run in {rundir} was killed before its first step"
+            raise RunError(message, "run the case again with --force")
         loaded = parse_case(origin.case_resolved, rundir / run_dir.RESOLVED_FILE, (), geometry_of)
         if loaded.case_hash != origin.attributes["case_hash"]:
-            raise RunError(
-                f"the case stored in {rundir} is not the one of the run: another version wrote it",
-                f"it was mlsanm {origin.attributes['mlsanm_version']}; run the case again with --force",
-            )
+            message = f"the case stored in {rundir} is not the one of the run: another version wrote it"
+            version = origin.attributes["mlsanm_version"]
+            raise RunError(message, f"it was mlsanm {version}; run the case again with --force")
         loaded = replace(loaded, raw=origin.case_raw, path=Path(str(origin.attributes["case_path"])))
         earlier = interrupted_run(origin)
         analysis = analysis_of(loaded, context, earlier.refinement)

@@ -145,9 +145,8 @@ def _on_cluster(points: Sequence[SweepPoint], scheduler: str) -> Iterator[Row]:
     try:
         client = dask.Client(scheduler, timeout=10)
     except (OSError, ValueError) as error:
-        raise RunError(
-            f"no Dask scheduler answers at {scheduler}: {error}", "as in --scheduler tcp://host:8786"
-        ) from error
+        message = f"no Dask scheduler answers at {scheduler}: {error}"
+        raise RunError(message, "as in --scheduler tcp://host:8786") from error
     with client:
         running = {
             client.submit(solve_point, point, pure=False, priority=-number): point
@@ -157,9 +156,8 @@ def _on_cluster(points: Sequence[SweepPoint], scheduler: str) -> Iterator[Row]:
             try:
                 row: Row = future.result()
             except CancelledError as error:
-                raise RunError(
-                    "the Dask scheduler is no longer available", "start it, and the sweep again"
-                ) from error
+                message = "the Dask scheduler is no longer available"
+                raise RunError(message, "start it, and the sweep again") from error
             except Exception as error:
                 # Errors on a worker concern this point only.
                 row = outcome(running[future], "failed", f"{type(error).__name__}: {error}")

@@ -80,9 +80,8 @@ def heading(path: tuple[str, ...]) -> str:
     """The TOML heading of the table at a path: [model], [[body]], [material.NAME]."""
     if not path:
         return "the top of the file"
-    node = follow(
-        next(t["properties"][path[-1]] for t in tables_at(path[:-1]) if path[-1] in t["properties"])
-    )
+    properties = (table["properties"] for table in tables_at(path[:-1]))
+    node = follow(next(keys[path[-1]] for keys in properties if path[-1] in keys))
     name = ".".join(path)
     if node.get("type") == "array":
         return f"[[{name}]]"

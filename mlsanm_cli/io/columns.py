@@ -20,9 +20,8 @@ def place(*names: str) -> str:
     """The path in run.h5 with these parts. Raises RunError for a name that cannot be part of a path."""
     for name in names:
         if not name or name in {".", ".."} or "/" in name or "\0" in name:
-            raise RunError(
-                f"the name {name!r} cannot be stored", hint='names must not be empty or contain "/"'
-            )
+            hint = 'names must not be empty or contain "/"'
+            raise RunError(f"the name {name!r} cannot be stored", hint)
     return "/".join(names)
 
 

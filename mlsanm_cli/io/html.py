@@ -75,9 +75,8 @@ def links(title: str, entries: Sequence[tuple[str, str]]) -> str:
 def table(caption: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """A table whose first column names its rows; cells that begin with BAD or GOOD are coloured."""
     head = "".join(element("th", column, scope="col") for column in columns)
-    lines = [
-        _around("tr", element("th", first, scope="row") + "".join(map(_cell, rest))) for first, *rest in rows
-    ]
+    cells = (element("th", first, scope="row") + "".join(map(_cell, rest)) for first, *rest in rows)
+    lines = [_around("tr", row) for row in cells]
     shown = _around("thead", _around("tr", head)) if any(columns) else ""
     body = element("caption", caption) + shown + _around("tbody", "".join(lines))
     return _around("div", _around("table", body), kind="wide")

@@ -79,9 +79,7 @@ class RunData(Dataset):
     def states(self) -> tuple[SavedState, ...]:
         """The saved states."""
         positions = self.get("fields/position", np.empty(0)).tolist()
-        return tuple(
-            SavedState(position, self[f"fields/{number}"]) for number, position in enumerate(positions)
-        )
+        return tuple(SavedState(position, self[f"fields/{k}"]) for k, position in enumerate(positions))
 
 
 def read_run(rundir: Path, groups: Sequence[str] = RESULTS) -> RunData:

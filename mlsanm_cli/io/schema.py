@@ -100,9 +100,8 @@ def scalars(table: Table) -> dict[str, Scalar]:
         word = " in " if axis == "xy" else " "
         for number, part in enumerate(COMPONENTS.get(axis, ())):
             name = {"displacement": "u", "stress": ""}.get(entry.name, f"{entry.name}_") + part
-            chosen[name] = Scalar(
-                entry.name, number, f"{entry.description}{word}{part}", entry.unit, entry.rest
-            )
+            label = f"{entry.description}{word}{part}"
+            chosen[name] = Scalar(entry.name, number, label, entry.unit, entry.rest)
         if axis == "xy" or axis not in COMPONENTS:
             chosen[entry.name] = Scalar(entry.name, None, entry.description, entry.unit, entry.rest)
     return chosen

@@ -145,9 +145,8 @@ def _halved(built: CondensedScene, state: ContactState) -> tuple[FloatArray, Flo
     condensed = built.condensed
     if not condensed.nodal:
         return None
-    across, along = (
-        np.abs(linear.motion).max(axis=0, initial=0.0) for linear in (condensed.gap, condensed.slip)
-    )
+    maps = condensed.gap, condensed.slip
+    across, along = (np.abs(linear.motion).max(axis=0, initial=0.0) for linear in maps)
     free, motion = across >= along, state.motion.copy()
 
     def pushed(linear: LinearMap) -> LinearMap:

@@ -229,9 +229,8 @@ def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Field
         strains[name] = max(apart, float(np.quantile(found["von_mises"], 0.99)) / material.modulus)
         turnover = 0.0
         if name in built.laws:
-            strain = (rest[1] + plastic_stress(material, state.history(name))) @ np.linalg.inv(
-                material.stiffness
-            )
+            compliant = np.linalg.inv(material.stiffness)
+            strain = (rest[1] + plastic_stress(material, state.history(name))) @ compliant
             energies[name] = over_body(cloud, rest[1], strain)
             # The work that has been done remains when loads vanish.
             spent = np.abs(rest[1] * strain).sum(axis=1) + state.solver[f"work.{name}"]

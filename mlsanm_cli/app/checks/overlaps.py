@@ -250,9 +250,7 @@ def _with_obstacles(
     """Overlaps of boundaries with the rigid obstacles of contacts, deeper than the gaps ``given``. A body
     without a contact with an obstacle that lies inside it initially is not checked against it."""
     moved = platen_displacements(built, state)
-    slack = {
-        name: COARSE_ROUND_OFF * float(np.ptp(own.drawn, axis=0).max()) for name, own in outlines.items()
-    }
+    slack = {name: COARSE_ROUND_OFF * np.ptp(own.drawn, axis=0).max() for name, own in outlines.items()}
     obstacles = [one for one in built.scene.rigid_constraints if not one.bodies]
     shifts = {one.name: moved[built.scene.loads[one.loads[0]]] for one in obstacles}
     pairings = {pairing.name: pairing for pairing in built.condensed.reported}

@@ -77,9 +77,8 @@ def read_case(path: Path, overrides: tuple[str, ...] = ()) -> LoadedCase:
             continue
         curved = _curvature(contact, _arcs(case, contact)) > 0.0
         if curved != (solution == "hertz-line"):
-            problems.append(
-                f"does not fit contact {contact.name}: its surfaces are {'' if curved else 'not '}curved"
-            )
+            surfaces = f"its surfaces are {'' if curved else 'not '}curved"
+            problems.append(f"does not fit contact {contact.name}: {surfaces}")
     if problems:
         raise loaded.located(
             CaseError(tuple(CaseProblem("reference.solution", f'"{solution}" {text}') for text in problems))

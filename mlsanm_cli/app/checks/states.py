@@ -93,9 +93,8 @@ def uniqueness(built: CondensedScene, state: State) -> Iterator[Check]:
         names = " and ".join(moving_bodies(built.scene, motion)[0])
         slips = np.abs(condensed.slip.motion @ motion)
         least = GRAZING * slips.max()
-        places = " and ".join(
-            name for name, span in condensed.tangential.items() if slips[span].max(initial=0.0) > least
-        )
+        spans = condensed.tangential.items()
+        places = " and ".join(name for name, span in spans if slips[span].max(initial=0.0) > least)
     message = (
         f"at position {state.position:.6g} the state is not unique: {names} may move along {places} "
         "without a change of any force, so that displacements and slips are one of several solutions"

@@ -133,10 +133,8 @@ def path_failure(
         close = f"{place} is close to losing ellipticity (acoustic tensor {waves[soft]:.2g})"
         return NumericalError(f"{where}; {close}", _LAWS)
     volume, place = _least_volume(scene, name, displacement)
-    return NumericalError(
-        f"{where}; the smallest det F is {volume:.3g}, at {place}",
-        "use smaller loads, finer nodes, or raise solver.tolerance",
-    )
+    hint = "use smaller loads, finer nodes, or raise solver.tolerance"
+    return NumericalError(f"{where}; the smallest det F is {volume:.3g}, at {place}", hint)
 
 
 def place_of(scene: FiniteScene, name: str, node: int) -> str:

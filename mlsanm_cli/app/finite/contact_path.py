@@ -88,9 +88,8 @@ def contact_path(
             reached, size = path.forward(position, end, size)
             steps += 1
             if steps > scene.case.solver.max_steps:
-                raise NumericalError(
-                    f"the path stopped at position {reached:.6g}: max steps", "raise solver.max_steps"
-                )
+                message = f"the path stopped at position {reached:.6g}: max steps"
+                raise NumericalError(message, "raise solver.max_steps")
             size = min(size, most) * path.measured(position, reached)
             state = path.state(reached)
             done = path.finished(state, reached - position, (state,) if reached in wanted else ())
@@ -320,14 +319,11 @@ class _Path:
             most, name, node = self._stretched(found)
             if most > MAX_STRETCH:
                 there = place_of(self._scene, name, node)
-                raise NumericalError(
-                    f"{where}: {there} would be stretched by a factor of {most:.3g} at once",
-                    "use finer nodes there, round corners that are crushed, or use smaller loads",
-                )
-        raise NumericalError(
-            f"{where}: the contact iterations of an increment do not converge",
-            "use finer nodes where bodies touch, smaller loads, or raise solver.tolerance",
-        )
+                hint = "use finer nodes there, round corners that are crushed, or use smaller loads"
+                message = f"{where}: {there} would be stretched by a factor of {most:.3g} at once"
+                raise NumericalError(message, hint)
+        hint = "use finer nodes where bodies touch, smaller loads, or raise solver.tolerance"
+        raise NumericalError(f"{where}: the contact iterations of an increment do not converge", hint)
 
     def finished(self, state: State, length: float, saved: tuple[State, ...]) -> PathStep:
         """The step that ends in a state. Equations far from their expansion point are renewed."""

@@ -71,10 +71,8 @@ def interrupted_run(origin: RunData) -> EarlierRun:
             checkpoint = restored(Checkpoint, {**path, "state": restored(State, path["state"])})
         return EarlierRun(origin.rows, origin.seconds, figures, last, checkpoint, refinement)
     except (LookupError, AttributeError, TypeError, ValueError) as error:
-        raise RunError(
-            f"the checkpoint of the run cannot be read: {error!r}",
-            "it is damaged or from another version of mlsanm; run the case again with --force",
-        ) from error
+        hint = "it is damaged or from another version of mlsanm; run the case again with --force"
+        raise RunError(f"the checkpoint of the run cannot be read: {error!r}", hint) from error
 
 
 def as_text(value: Any) -> str:

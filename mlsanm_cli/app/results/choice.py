@@ -39,10 +39,8 @@ class Choice(NamedTuple):
             return False
         if self.what:
             return kind in self.what
-        if self.along is not None:
-            return kind == "line"
-        if self.field is not None:
-            return kind == "bodies"
+        if self.along is not None or self.field is not None:
+            return kind == ("bodies" if self.along is None else "line")
         return kind not in ("hysteresis", "line")
 
     def check(self, runs: int) -> None:

@@ -125,9 +125,8 @@ def traction_picture(run: RunData, case: Case, name: str, choice: Choice) -> Pic
     position = choice.at[-1] if choice.at else float(run.path.position[-1])
     level = level_at(run, position)
     checked_error(run, level, "pressures", contact.pressure, contact.traction)
-    pressure, traction, status = (
-        level[f"contacts/{name}/{key}"] for key in ("pressure", "traction", "status")
-    )
+    keys = "pressure", "traction", "status"
+    pressure, traction, status = (level[f"contacts/{name}/{key}"] for key in keys)
     pressure = np.maximum(pressure, 0.0)
     most = np.maximum(coefficient * pressure, np.abs(traction))
     order, arc = along_surface(contact, pressure)

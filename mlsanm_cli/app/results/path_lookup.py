@@ -66,10 +66,9 @@ def level_at(run: RunData, position: float) -> Level:
     slack = FINE_ROUND_OFF * max(float(rows[-1]), 1.0)
     last = float(rows.max())
     if not rows[0] - slack <= position <= last + slack:
-        raise RunError(
-            f"the path does not reach position {position:g}: it goes from {rows[0]:g} to {last:g}",
-            "a position is the number of completed stages plus the fraction of the current one",
-        )
+        message = f"the path does not reach position {position:g}: it goes from {rows[0]:g} to {last:g}"
+        hint = "a position is the number of completed stages plus the fraction of the current one"
+        raise RunError(message, hint)
     same = np.flatnonzero(np.abs(rows - position) <= slack)
     if len(same):
         row = int(same[0])
@@ -129,10 +128,8 @@ def displacement_at(run: RunData, level: Level, body: str) -> tuple[FloatArray, 
     superposed from saved states whose load factors combine to those of the level. Raises RunError."""
     saved = [state for state in run.states if "displacement" in state.bodies[body]]
     if not saved:
-        raise RunError(
-            f"{run.directory} holds no displacement fields",
-            'add "displacement" to output.fields, or a [[probe]] at the point',
-        )
+        hint = 'add "displacement" to output.fields, or a [[probe]] at the point'
+        raise RunError(f"{run.directory} holds no displacement fields", hint)
     for state in saved:
         if abs(state.position - level.position) <= FINE_ROUND_OFF * max(abs(level.position), 1.0):
             return state.bodies[body].displacement, STORED
@@ -144,10 +141,9 @@ def displacement_at(run: RunData, level: Level, body: str) -> tuple[FloatArray, 
             fields = np.array([state.bodies[body].displacement for state in saved])
             return np.asarray(np.einsum("s,snd->nd", shares, fields), dtype=np.float64), LINEAR
     places = ", ".join(f"{state.position:g}" for state in saved)
-    raise RunError(
-        f"fields are saved at position {places} only, not at {level.position:g}",
-        f"run again with {level.position:g} in output.at, or with a [[probe]] at the point",
-    )
+    message = f"fields are saved at position {places} only, not at {level.position:g}"
+    hint = f"run again with {level.position:g} in output.at, or with a [[probe]] at the point"
+    raise RunError(message, hint)
 
 
 def checked_error(run: RunData, level: Level, name: str, *histories: FloatArray) -> float | None:

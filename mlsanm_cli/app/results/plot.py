@@ -134,8 +134,6 @@ def animate(run: RunData, case: Case, choice: Choice) -> list[Path]:
         panels = [Panel([Curve(arc, values, look=look)], *labels, *limits) for values in pressure]
         files.append(choice.out or run.directory / run_dir.picture_name("pressure", "gif", name))
         titles = [f"Contact pressure, {name}, {text}" for text in words]
-        drawn = [
-            Picture([panel], title, size=(6.4, 3.8)) for panel, title in zip(panels, titles, strict=True)
-        ]
-        write_frames(files[-1], drawn)
+        pairs = zip(panels, titles, strict=True)
+        write_frames(files[-1], [Picture([panel], title, size=(6.4, 3.8)) for panel, title in pairs])
     return files

@@ -96,9 +96,8 @@ def build_scene(loaded: LoadedCase, context: RunContext, zones: tuple[Zone, ...]
             boundaries = Boundaries.of(loaded.case)
             nodes, memory = refuse_too_large(boundaries)
         if nodes > ANNOUNCED_NODES:
-            context.console.note(
-                f"about {nodes:.2g} nodes, which need about {memory / 1024:.2g} GB of memory"
-            )
+            needs = f"which need about {memory / 1024:.2g} GB of memory"
+            context.console.note(f"about {nodes:.2g} nodes, {needs}")
         prepared = place(boundaries, context, zones)
         # The dense systems of the path.
         unknowns = {p.name: int(p.candidate.sum()) * (2 if p.friction else 1) for p in prepared.pairings}

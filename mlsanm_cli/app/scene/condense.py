@@ -109,10 +109,8 @@ def _condense(
         pairings = tuple(
             one if one.bonded else replace(one, candidate=one.gap <= reach[one.name]) for one in pairings
         )
-    raise NumericalError(
-        f"the contact zone was still growing after {MAX_ENLARGEMENTS} enlargements",
-        "refine the surfaces over the whole contact zone, or set contact.NAME.reach",
-    )
+    hint = "refine the surfaces over the whole contact zone, or set contact.NAME.reach"
+    raise NumericalError(f"the contact zone was still growing after {MAX_ENLARGEMENTS} enlargements", hint)
 
 
 def pulling_loads(case: Case, pairings: Sequence[Pairing]) -> Iterator[tuple[str, str, str]]:

@@ -68,9 +68,8 @@ class SmoothPart:
     @property
     def known(self) -> tuple[bool, ...]:
         """Whether the fields of forces near either end are known."""
-        return tuple(
-            any(one is not None for one in end) for end in zip(self.corners, self.planes, strict=True)
-        )
+        ends = zip(self.corners, self.planes, strict=True)
+        return tuple(any(one is not None for one in end) for end in ends)
 
 
 def stretches_of(
@@ -95,9 +94,8 @@ def stretches_of(
         beyond = dict(continuations(model.cloud, own))
         # A straight continuation that is held is a corner of 180 degrees.
         smooth = tuple(place in beyond and beyond[place] not in held for place in (0, -1))
-        divided = tuple(
-            beyond.get(place, "") not in touching and on for place, on in zip((0, -1), smooth, strict=True)
-        )
+        sides = zip((0, -1), smooth, strict=True)
+        divided = tuple(beyond.get(place, "") not in touching and on for place, on in sides)
         ends = [
             (None, None) if on else end_of(model, own, at, held, fixed)
             for at, on in zip((False, True), smooth, strict=True)

@@ -232,10 +232,8 @@ class Stop(Section):
             what, known = "load or contact or support", [*names("load"), *known, *supports]
         elif self.what == "displacement":
             rigid = [one.name for one in case.load if one.kind in ("platen", "obstacle")]
-            what, known = (
-                "platen or obstacle load or probe",
-                [*rigid, *scope.missing("load"), *names("probe")],
-            )
+            what = "platen or obstacle load or probe"
+            known = [*rigid, *scope.missing("load"), *names("probe")]
         if self.of not in known:
             message = f'there is no {what} "{self.of}"' if self.of else f"missing: the name of a {what}"
             yield Fault(("of",), message, suggestion(self.of, known))

@@ -85,10 +85,8 @@ def load_case(path: Path, overrides: Sequence[str] = (), geometry_of: GeometryOf
         text = io.TextIOWrapper(io.BytesIO(content), encoding="utf-8-sig").read()
     except UnicodeDecodeError as error:
         line = content[: error.start].count(b"\n") + 1
-        raise RunError(
-            f"{path} is not UTF-8 text (line {line}, byte {error.start})",
-            "a case is a text file: in the editor save it with the encoding UTF-8",
-        ) from error
+        hint = "a case is a text file: in the editor save it with the encoding UTF-8"
+        raise RunError(f"{path} is not UTF-8 text (line {line}, byte {error.start})", hint) from error
     if path == STDIN:
         path = Path("stdin")
     return parse_case(text, path, overrides, geometry_of)

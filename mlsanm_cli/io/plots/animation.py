@@ -54,9 +54,8 @@ def animate(path: Path, frames: Sequence[Picture | BodyPicture]) -> None:
         from PIL import Image
 
         dither, comment = Image.Dither.NONE, f"mlsanm {__version__}".encode()
-        first, *others = (
-            Image.fromarray(frame).quantize(256 if states else 64, dither=dither) for frame in pixels
-        )
+        colours = 256 if states else 64
+        first, *others = (Image.fromarray(frame).quantize(colours, dither=dither) for frame in pixels)
         times: Any = {"duration": [milliseconds] * len(others) + [LAST_FRAME_MS], "loop": 0}
         first.save(temporary, format="GIF", save_all=True, append_images=others, comment=comment, **times)
 
