@@ -159,16 +159,16 @@ class TerminalConsole(Closing):
             self._show_step(row)
 
     def note(self, text: str) -> None:
-        self._message("" if self._quiet else text)
+        self.message("" if self._quiet else text)
 
     def warning(self, text: str) -> None:
         """A warning; shown with ``quiet`` too."""
-        self._message(text, "warning:", YELLOW)
+        self.message(text, "warning:", YELLOW)
 
     def error(self, message: str, hint: str) -> None:
         """Why a run failed, and what to do; shown with ``quiet`` too."""
-        self._message(message, "error:", RED)
-        self._message(hint, "hint:", YELLOW)
+        self.message(message, "error:", RED)
+        self.message(hint, "hint:", YELLOW)
 
     def close(self) -> None:
         self._over.set()
@@ -177,7 +177,7 @@ class TerminalConsole(Closing):
             self._finish_steps()
             self._erase()
 
-    def _message(self, text: str, kind: str = "", color: str = "") -> None:
+    def message(self, text: str, kind: str = "", color: str = "") -> None:
         with self._lock:
             self._finish_steps()
             if text:

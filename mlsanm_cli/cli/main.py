@@ -8,13 +8,13 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 
 import click
 
 from mlsanm_cli.cli.commands import cli
-from mlsanm_cli.cli.console import Settings, open_closed_streams, say, silence
-from mlsanm_cli.cli.text import RED, YELLOW, as_json, paint, printable
+from mlsanm_cli.cli.console import Settings, TerminalConsole, open_closed_streams, say, silence
+from mlsanm_cli.cli.text import as_json
 from mlsanm_cli.errors import CaseError, CaseProblem, MlsanmError
 
 USAGE, BUG, STOPPED = 2, 70, 75
@@ -34,7 +34,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         code = _run(arguments, settings)
         if settings.stdout_error is not None and not isinstance(settings.stdout_error, BrokenPipeError):
-            _print("error", f"cannot write to stdout: {settings.stdout_error.strerror}", settings)
+            message = f"cannot write to stdout: {settings.stdout_error.strerror}"
+            TerminalConsole(sys.stderr, settings).error(message, "")
             code = code or USAGE
         return code
     finally:
@@ -79,23 +80,22 @@ def _report(error: BaseException, settings: Settings) -> int:
 
         traceback.print_exception(error)
     problems: Sequence[CaseProblem]
+    console = TerminalConsole(sys.stderr, settings)
     if isinstance(error, click.ClickException):
         shown = io.StringIO()
         error.show(file=shown)
-        with suppress(OSError):
-            print(printable(shown.getvalue()), end="", file=sys.stderr)
+        console.message(shown.getvalue().removesuffix("\n"))
         code, problems = USAGE, [CaseProblem("", error.format_message())]
     elif isinstance(error, CaseError):
         code, problems, count = error.exit_code, error.problems, len(error.problems)
         for problem in problems[:MAX_PROBLEMS]:
-            _print("", str(problem).replace("\n", "\\n"), settings)
+            console.message(str(problem).replace("\n", "\\n"))
         if count > MAX_PROBLEMS:
-            _print("", f"and {count - MAX_PROBLEMS} more", settings)
-        _print("error", f"{count} problem{'' if count == 1 else 's'} in the case, nothing was run", settings)
+            console.message(f"and {count - MAX_PROBLEMS} more")
+        console.error(f"{count} problem{'' if count == 1 else 's'} in the case, nothing was run", "")
     else:
         code, message, hint = _described(error, settings)
-        _print("error", message, settings)
-        _print("hint", hint, settings)
+        console.error(message, hint)
         problems = [CaseProblem("", message, hint=hint)]
     if settings.json:
         keys = {"file": "source", "line": "line", "key": "key", "message": "message", "hint": "hint"}
@@ -119,15 +119,6 @@ def _described(error: BaseException, settings: Settings) -> tuple[int, str, str]
             return USAGE, f"{name}: {error.strerror or error}", ""
     hint = "" if settings.debug else "please report it with the case file and the output of --debug"
     return BUG, f"a bug in mlsanm: {type(error).__name__}: {error}", hint
-
-
-def _print(kind: str, text: str, settings: Settings) -> None:
-    if text:
-        color = settings.paints(sys.stderr)
-        prefix = paint(f"{kind}:", RED if kind == "error" else YELLOW, color) + " " if kind else ""
-        # A closed stream must not change the exit code.
-        with suppress(OSError):
-            print(prefix + printable(text), file=sys.stderr)
 
 
 @contextmanager

@@ -7,6 +7,7 @@ import struct
 import sys
 from binascii import b2a_base64
 from collections.abc import Mapping, Sequence
+from html import escape
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -135,11 +136,3 @@ def _components(values: NDArray[Any]) -> NDArray[Any]:
     tensors[:, [0, 4, 1, 3]] = values[:, [0, 1, 2, 2]]
     tensors[:, 8 : 5 + values.shape[1]] = values[:, 3:]
     return tensors
-
-
-def escape(text: str) -> str:
-    """``text`` as the value of an XML attribute."""
-    # Importing xml.sax takes longer than writing a file.
-    for char, code in (("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ('"', "&quot;"), ("'", "&#x27;")):
-        text = text.replace(char, code)
-    return text

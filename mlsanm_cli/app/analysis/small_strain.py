@@ -12,7 +12,7 @@ import numpy as np
 from mlsanm_cli.app.analysis import small_contacts
 from mlsanm_cli.app.checks import end, states
 from mlsanm_cli.app.checks.accuracy import Accuracy, with_friction
-from mlsanm_cli.app.checks.check import Check, Verdicts, all_of, summary_limits
+from mlsanm_cli.app.checks.check import Check, Verdicts, all_of, level, summary_limits
 from mlsanm_cli.app.checks.end import End
 from mlsanm_cli.app.checks.energy import (
     EnergyErrors,
@@ -82,7 +82,7 @@ class SmallStrain(Analysis[CondensedScene]):
         self.quality = announce(self.case, self.prepared, self.context, verdicts)
         adapted = set_up(self.case, self.prepared, self.context, verdicts, self.known)
         self.prepared, self._built, self._accuracy, self._refinement = adapted
-        if self._refined:
+        if self.refinement:
             self.quality = assess(self.case, self.prepared, self.context.memo)
             verdicts.judge(all_of(MODEL, self.quality))
 
@@ -161,15 +161,16 @@ class SmallStrain(Analysis[CondensedScene]):
         if len(self.built.condensed.friction_nodes):
             with self.context.phase("estimate"):
                 accuracy = with_friction(self.built, accuracy, last, self.context.memo)
-        return accuracy.with_energies(self._energies)
-
-    @property
-    def _refined(self) -> bool:
-        return len(self._refinement.passes) > 1
+        if accuracy.displacement is None or self._energies is None:
+            return accuracy
+        # With the errors of displacements known from energies.
+        deflection = self._energies.deflection
+        displacement = float(np.hypot(accuracy.displacement, deflection))
+        return replace(accuracy, displacement=displacement, deflection=deflection)
 
     @property
     def refinement(self) -> Mapping[str, Any]:
-        return self._refinement.plain if self._refined else {}
+        return self._refinement.plain if len(self._refinement.passes) > 1 else {}
 
     @property
     def models(self) -> Mapping[str, BodyModel]:
@@ -288,7 +289,7 @@ class SmallStrain(Analysis[CondensedScene]):
         built, bodies = self.built, self.built.scene.bodies.values()
         mirrors = [body.model.cloud.mirror for body in bodies]
         lines = {None if mirror is None else str(mirror.line) for mirror in mirrors}
-        sizes |= {"adapt": self._refinement.passes} if self._refined else {}
+        sizes |= {"adapt": self._refinement.passes} if self.refinement else {}
         return sizes | {
             # The symmetry line of the nodes of all bodies.
             "symmetry": lines.pop() if len(lines) == 1 else None,
@@ -321,9 +322,17 @@ class SmallStrain(Analysis[CondensedScene]):
         }
 
     def limits(self) -> dict[str, Any]:
-        estimates = {} if self._built is None else end.estimate_limits(self._built.condensed)
-        known = summary_limits(self.case.solver.tolerance, FAILING, "rough_pressure_error", estimates)
-        return known | ({"stability": self._built.stability_limit} if self._built else {})
+        asked = self.case.solver.tolerance, FAILING, "rough_pressure_error"
+        if self._built is None:
+            return summary_limits(*asked, {})
+        displacement, condensed = level("displacement_error"), self._built.condensed
+        estimates = {
+            "displacement": displacement,
+            "pressure": {one.name: level(end.pressure_limit(one)) for one in condensed.pairings},
+            "force": {one.name: level("force_error") for one in condensed.pairings},
+            "probes": dict.fromkeys(condensed.quantities["probe"], displacement),
+        }
+        return summary_limits(*asked, estimates) | {"stability": self._built.stability_limit}
 
 
 def displacements(fields: Mapping[str, Fields]) -> dict[str, FloatArray]:

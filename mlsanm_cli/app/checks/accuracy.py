@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.checks.energy import EnergyErrors
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import finer_nodes
 from mlsanm_cli.contact.geometry.grid import l2
@@ -83,13 +82,6 @@ class Accuracy:
             relative = float(np.hypot(error / size, self.deflection)) if size > 0.0 else 0.0
             found.setdefault("probes", {})[name] = relative
         return found
-
-    def with_energies(self, energies: EnergyErrors | None) -> Accuracy:
-        """Estimates that include the errors of displacements known from energies."""
-        if self.displacement is None or energies is None:
-            return self
-        displacement = float(np.hypot(self.displacement, energies.deflection))
-        return replace(self, displacement=displacement, deflection=energies.deflection)
 
     @property
     def bulk_leads(self) -> bool:

@@ -26,7 +26,6 @@ from mlsanm_cli.cloud.cloud import continuations
 from mlsanm_cli.contact.geometry.obstacles import Chain
 from mlsanm_cli.contact.geometry.pairing import Pairing, spacing_ratio
 from mlsanm_cli.contact.geometry.profile import regular_peak
-from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
@@ -306,13 +305,3 @@ def estimates(built: CondensedScene, figures: Mapping[str, Any], missing: str) -
 def pressure_limit(pairing: Pairing) -> str:
     """The limit of the error of pressures: frictionless ones on grids show that bodies are too coarse."""
     return "rough_pressure_error" if pairing.nodal or pairing.friction else "pressure_error"
-
-
-def estimate_limits(condensed: Condensed) -> dict[str, Any]:
-    displacement = level("displacement_error")
-    return {
-        "displacement": displacement,
-        "pressure": {one.name: level(pressure_limit(one)) for one in condensed.pairings},
-        "force": {one.name: level("force_error") for one in condensed.pairings},
-        "probes": dict.fromkeys(condensed.quantities["probe"], displacement),
-    }

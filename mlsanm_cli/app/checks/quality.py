@@ -100,10 +100,6 @@ class Quality:
         }
         return {"bodies": bodies, "spacing_ratio": dict(self.spacing_ratio)}
 
-    @property
-    def clouds(self) -> Mapping[str, Cloud]:
-        return {name: model.cloud for name, model in self.prepared.models.items()}
-
 
 def announce(case: Case, prepared: SceneModel, context: RunContext, verdicts: Verdicts) -> Quality:
     with context.phase("cloud"):
@@ -116,7 +112,7 @@ def announce(case: Case, prepared: SceneModel, context: RunContext, verdicts: Ve
 
 def assess(case: Case, prepared: SceneModel, memo: Memo = NO_CACHE) -> Quality:
     """Measure the clouds of all bodies and the facing spacings of every contact."""
-    clouds = {name: model.cloud for name, model in prepared.models.items()}
+    clouds = prepared.clouds
     bodies = {name: memo.value("quality", one.content, partial(measure, one)) for name, one in clouds.items()}
     ratios = {pairing.name: spacing_ratio(pairing, clouds) for pairing in prepared.pairings}
     return Quality(case, prepared, bodies, ratios)
@@ -150,11 +146,10 @@ def nodal_contacts(
     prepared: SceneModel, pairings: Iterable[Pairing], own: Collection[str]
 ) -> Iterator[Check]:
     """Checks of contacts with nodal pressures; of spacings, if one is its body's ``own``."""
-    clouds = {name: model.cloud for name, model in prepared.models.items()}
     for one in (one for one in pairings if not one.bonded):
         place = f"contact {one.name}"
         if not set(own).isdisjoint(one.bodies):
-            ratio = spacing_ratio(one, clouds)
+            ratio = spacing_ratio(one, prepared.clouds)
             yield Check("facing_spacings", ratio, *ratio_message(one, ratio), place)
         # Surfaces may touch on both sides of a corner, as a disk in a groove.
         for (_, slave, _), name in zip(one.sides, one.names, strict=True):
@@ -200,7 +195,7 @@ def bonded_curves(model: Quality) -> Iterator[Check]:
     for pairing, body, slave in ((one, body, slave) for one in bonds for body, slave, _ in one.sides):
         surface = pairing.surface_of(slave)
         bend = np.abs(surface.curve.curvature(surface.arc_length))
-        turn = float((bend * model.clouds[body].spacing[surface.index]).max())
+        turn = float((bend * model.prepared.clouds[body].spacing[surface.index]).max())
         message = (
             f"contact {pairing.name}: the bonded surface of body {body} turns by {np.degrees(turn):.2g} "
             f"degrees from node to node, too far for its stresses"
@@ -217,7 +212,7 @@ def degree(model: Quality) -> Iterator[Check]:
 
 def initial_gap(model: Quality) -> Iterator[Check]:
     for pairing in model.prepared.pairings:
-        size = min(float(np.ptp(model.clouds[body].points, axis=0).max()) for body in pairing.bodies)
+        size = min(float(np.ptp(model.prepared.clouds[body].points, axis=0).max()) for body in pairing.bodies)
         gap, place = float(pairing.gap.min()) + pairing.closed_by, f"contact {pairing.name}"
         message = (
             f"{place}: the initial gap of {gap:.3g} is {gap / size:.2g} times the size of the smaller body"
@@ -231,11 +226,11 @@ def load_resolution(model: Quality) -> Iterator[Check]:
     for load in model.case.load:
         if isinstance(load, Displacement | Force | Platen | ObstacleMotion):
             continue
-        cloud, surfaces = model.clouds[load.owner], model.clouds[load.owner].surfaces
+        cloud = model.prepared.clouds[load.owner]
         spans = [] if load.places else [cloud.triangles]
         for place in load.places:
             # Only inside of surfaces: tractions may be discontinuous at their ends.
-            indices = (surfaces[name].index for name in model.prepared.boundaries.names[place])
+            indices = (cloud.surfaces[name].index for name in model.prepared.boundaries.names[place])
             spans += [np.stack([index[1:-2], index[2:-1]], axis=1) for index in indices if len(index) > 3]
         varying, error, x, y = [one for one in amounts_of(load) if isinstance(one, str)], 0.0, 0.0, 0.0
         # Without a value at some node the load is refused when it is evaluated there.
@@ -264,10 +259,9 @@ def loaded_length(model: Quality) -> Iterator[Check]:
     for load in model.case.load:
         if not isinstance(load, Pressure | Traction) or load.ends is None:
             continue
-        surfaces, names = model.clouds[load.owner].surfaces, model.prepared.boundaries.names[load.place]
-        found = sum(surfaces[name].curve.length for name in names)
-        outline = model.prepared.boundaries.drawn[load.owner]
-        wanted = sum(run.part.length for run in runs_of(outline, load.place))
+        surfaces, boundaries = model.prepared.clouds[load.owner].surfaces, model.prepared.boundaries
+        found = sum(surfaces[name].curve.length for name in boundaries.names[load.place])
+        wanted = sum(run.part.length for run in runs_of(boundaries.drawn[load.owner], load.place))
         message = (
             f"load.{load.name} acts on a length of {found:.4g} instead of {wanted:.4g}, as parts of body "
             f"{load.owner} end at nodes"

@@ -161,7 +161,7 @@ def _numbers(given: Sequence[float | str | None], place: FloatArray) -> FloatArr
 
 def draw_model(path: Path, case: Case, prepared: SceneModel) -> None:
     """Draws the bodies coloured by their spacing, with supports, loads and contacts. Raises RunError."""
-    clouds = {name: model.cloud for name, model in prepared.models.items()}
+    clouds = prepared.clouds
     still = {name: np.zeros_like(cloud.points) for name, cloud in clouds.items()}
     bodies = [CloudBody(c.points, still[name], c.spacing, c.triangles) for name, c in clouds.items()]
     touching = {pairing.name: pairing.points[[int(pairing.gap.argmin())]] for pairing in prepared.pairings}

@@ -74,6 +74,10 @@ class SceneModel:
     notes: tuple[str, ...]
     ranges: Mapping[str, ContactRange]
 
+    @property
+    def clouds(self) -> Mapping[str, Cloud]:
+        return {name: model.cloud for name, model in self.models.items()}
+
 
 def mls_settings(case: Case, low: bool = False) -> MlsSettings:
     """Settings of the operators; ``low`` selects the low degree if the case leaves the degree open."""

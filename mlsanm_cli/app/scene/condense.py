@@ -63,7 +63,7 @@ def _condensed_scene(
             found = find_grids(case, scene, prepared.pairings, prepared.ranges, stages, context.memo, laws)
         if found is None:
             # Contact grids that do not converge are replaced by nodal pressures.
-            placed = {name: model.cloud for name, model in prepared.models.items()}
+            placed = prepared.clouds
             with context.phase("operators"):
                 nodal = prepare(prepared.boundaries, placed, context.memo, prepared.models, grids=False)
             return _condensed_scene(case, nodal, context, None)
