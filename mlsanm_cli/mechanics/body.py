@@ -16,9 +16,10 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.cloud.cells import FINE, Halves
+from mlsanm_cli.cloud.cells import FINE, GAUSS, Halves
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.body_model import BodyModel
+from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.pieces import Pieces, StressAround, rule_of
 from mlsanm_cli.mechanics.rigid import RigidBodyModes
 from mlsanm_cli.mechanics.supports import FREE, Held, Springs, restrained, soft
@@ -127,6 +128,17 @@ class ElasticBody:
             force = (halves.length * self.model.cloud.around(points))[:, None] * (between * taken)
             whole = self.pieces.gathered(where.index[halves.own], points, force)
             source[self.rows - len(whole) :] = whole - self.loads @ source
+        return source
+
+    def stress_source(self, stress: FloatArray, divergence: FloatArray, around: StressAround) -> FloatArray:
+        """Right-hand side (r,) for the tractions of a nodal ``stress`` (n, 3 | 4), its ``divergence`` (n, 2),
+        and fluxes of the stress ``around``."""
+        source = np.zeros(self.rows)
+        source[: divergence.size] = divergence.T.ravel()
+        for name, surface in self.model.cloud.surfaces.items():
+            source += self.source(name, traction_of(stress[surface.index], surface.normal), held=False)
+        fluxes = self.pieces.fluxes(around, self.restrained, GAUSS[2])
+        source[self.rows - len(fluxes) :] = fluxes - self.loads @ source
         return source
 
     def force_source(self, force: FloatArray) -> FloatArray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from itertools import chain
 from typing import TypeAlias
 
 import numpy as np
@@ -179,10 +180,9 @@ class CorneredForces:
     @cached_property
     def _terms(self) -> tuple[tuple[FaceForces | Images, ...], ...]:
         """Force densities and images behind walls at other angles, per corner."""
-        unit, found = _unit(len(self.place)), list[tuple[FaceForces | Images, ...]]()
-        for corner in self.corners:
-            found.append(corner.sources(*corner.with_images(corner.distance(self.place), unit, self.images)))
-        return tuple(found)
+        unit, corners = _unit(len(self.place)), self.corners
+        both = (one.with_images(one.distance(self.place), unit, self.images) for one in corners)
+        return tuple(one.sources(*each) for one, each in zip(corners, both, strict=True))
 
     def displacement(self, z: ComplexArray) -> FloatArray:
         """Displacements (e, k, 2, 2) at points ``z`` (e,) other than those of the forces."""
@@ -190,9 +190,8 @@ class CorneredForces:
         for image in (None, *self.images):
             at = z if image is None else image.points(z)
             moved = self.own.displacement(at)
-            for lines in self._terms:
-                for line in lines:
-                    moved = moved + _parted(line.displacement(at), len(self.place))
+            for line in chain.from_iterable(self._terms):
+                moved = moved + _parted(line.displacement(at), len(self.place))
             total += moved if image is None else image.matrix.T @ moved
         return total
 

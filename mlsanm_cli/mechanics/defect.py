@@ -15,12 +15,11 @@ import scipy.sparse as sparse
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.cells import GAUSS
 from mlsanm_cli.cloud.cloud import BATCH_SIZE, nearest
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel, enough_neighbors
-from mlsanm_cli.mechanics.elasticity import divergence_of_stress, stress_of, traction_of
+from mlsanm_cli.mechanics.elasticity import divergence_of_stress, stress_of
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.supports import singular_changes
 from mlsanm_cli.memo import NO_CACHE, Memo
@@ -156,14 +155,9 @@ def defect_of(
         smooth = model.mean_stress(displacement)
         divergence += model.stress_divergence(smooth) - divergence_of_stress(better.at_nodes(smooth), radius)
         mean = stress_of(less, model.material.bulk_part, radius) + smooth, smooth
-    source = np.zeros(body.rows)
-    source[: 2 * len(less)] = divergence.T.ravel()
-    for name, surface in model.cloud.surfaces.items():
-        source += body.source(name, traction_of(lost[surface.index], surface.normal), held=False)
     # Right-hand sides of pieces: the flux through their faces minus what the nodes' rows represent.
     lacking = partial(better.stress_around, displacement, mean)
-    fluxes = body.pieces.fluxes(lacking, body.restrained, GAUSS[2])
-    source[body.rows - len(fluxes) :] = fluxes - body.loads @ source
+    source = body.stress_source(lost, divergence, lacking)
     held = [name for name, axes in body.restrained.items() if any(axes)]
     reactions = {name: -body.reaction(name, (0.0, 0.0), lacking) for name in held}
     stress = stress_of(derivatives, stiffness, radius) - model.stress(displacement)

@@ -13,10 +13,9 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.cloud.cells import GAUSS
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.mechanics.elasticity import divergence_rows, traction_of
+from mlsanm_cli.mechanics.elasticity import divergence_rows
 from mlsanm_cli.mechanics.pieces import StressAround, rule_of
 from mlsanm_cli.mechanics.supports import FREE
 from mlsanm_cli.operators.stencil_weights import scalar_rows
@@ -76,16 +75,8 @@ class Heating:
 
     def source(self, body: ElasticBody) -> FloatArray:
         """Right-hand side (r,) of its ``body``."""
-        even = body.model.material.stress_of_expansion
-        source = np.zeros(body.rows)
-        inside = body.model.stress_divergence(self.values[:, None] * even)
-        source[: inside.size] = inside.T.ravel()
-        for name, surface in body.model.cloud.surfaces.items():
-            traction = traction_of(self.values[surface.index, None] * even, surface.normal)
-            source += body.source(name, traction, held=False)
-        fluxes = body.pieces.fluxes(self._blocked(body), body.restrained, GAUSS[2])
-        source[body.rows - len(fluxes) :] = fluxes - body.loads @ source
-        return source
+        stress = self.values[:, None] * body.model.material.stress_of_expansion
+        return body.stress_source(stress, body.model.stress_divergence(stress), self._blocked(body))
 
     def reaction(self, body: ElasticBody, surface: str, center: tuple[float, float]) -> FloatArray:
         """Force and moment about ``center`` (3,) of a held surface due to thermal expansion, to subtract."""

@@ -59,7 +59,8 @@ class Isotropic:
 
     def along(self, tangent: ComplexArray) -> FloatArray:
         x, y = tangent.real, tangent.imag
-        return -_table([[x * x, x * y], [y * x, y * y]]) / np.pi
+        table = np.stack([x * x, x * y, y * x, y * y], axis=-1)
+        return -table.reshape(*table.shape[:-1], 2, 2) / np.pi
 
 
 @dataclass(frozen=True)
@@ -143,15 +144,6 @@ def by_component(table: FloatArray) -> FloatArray:
     """Displacements (e, k, 2, 2) as a matrix (2e, 2k): rows x of all points, then y; columns likewise."""
     e, k = table.shape[:2]
     return table.transpose(2, 0, 3, 1).reshape(2 * e, 2 * k)
-
-
-def _table(rows: list[list[FloatArray]]) -> FloatArray:
-    """Nested lists of arrays (...) as one array (..., rows, columns)."""
-    table = np.empty((len(rows), len(rows[0]), *np.broadcast_shapes(*(one.shape for one in rows[0]))))
-    for i, row in enumerate(rows):
-        for k, one in enumerate(row):
-            table[i, k] = one
-    return np.moveaxis(table, (0, 1), (-2, -1))
 
 
 def summed(fields: Callable[[ComplexArray], FloatArray], z: ComplexArray, force: FloatArray) -> FloatArray:

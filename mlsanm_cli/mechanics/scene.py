@@ -11,7 +11,6 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import FINE, Halves
-from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.eigenstress import Heating
 from mlsanm_cli.mechanics.elasticity import traction_of
@@ -111,10 +110,6 @@ class RigidConstraint:
     def surfaces_of(self, body: str) -> tuple[str, ...]:
         """Surfaces of a body bonded to it."""
         return tuple(surface for owner, surface in self.held if owner == body)
-
-    def pattern(self, surface: Surface, points: FloatArray, motion: RigidMotion) -> FloatArray:
-        """Displacements (b, 2) of the surface's nodes under a unit motion."""
-        return motion.pattern(points[surface.index], self.center)
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ BAD = {
         "y = [-2.0, 0.0]", "y = [-2.0, 0.4]", ("contact.interface", "overlap by 0.4"), "[[contact]]"
     ),
     "a contact that faces nothing": (
-        "center = [0.0, 1.0]", "center = [9.0, 1.0]", ("contact.interface", "faces block.top"), "[[contact]]"
+        'side = "lower"', 'side = "upper"', ("contact.interface", "faces block.top"), "[[contact]]"
     ),
     "a formula that does not fit": (
         '"hertz-line"', '"uniform-pressure"', ("reference.solution", "does not fit"), "solution ="

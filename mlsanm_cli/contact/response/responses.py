@@ -139,7 +139,7 @@ def _sources(scene: Scene, name: str, drivers: Drivers) -> sparse.csc_array:
             few[:, load.number] += load.source(body)
     for platen, motion, by in scene.motions:
         for surface in platen.surfaces_of(name):
-            pattern = platen.pattern(cloud.surfaces[surface], cloud.points, motion)
+            pattern = motion.pattern(cloud.points[cloud.surfaces[surface].index], platen.center)
             few += np.outer(body.source(surface, pattern, held=True), by)
     centred = any(name in motion for motion in scene.held_motions)
     by_contacts = [basis.sources(body, name, centred) for basis in drivers.bases.values()]
