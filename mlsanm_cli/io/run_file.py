@@ -34,9 +34,9 @@ from numpy.typing import NDArray
 
 from mlsanm_cli import __version__
 from mlsanm_cli.errors import RunError, WriteError
-from mlsanm_cli.io.columns import path_table
 from mlsanm_cli.io.files import cannot_write, replacing, sealed, unsealed
 from mlsanm_cli.io.run_reader import FORMAT, flat, read_value
+from mlsanm_cli.io.schema import path_table
 from mlsanm_cli.records import Closing
 
 SAVE_INTERVAL = 30.0

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from mlsanm_cli import __version__
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import schema
-from mlsanm_cli.io.columns import path_table
 from mlsanm_cli.io.files import check_seal, read_summary
 from mlsanm_cli.io.run_dir import RUN_FILE, SUMMARY_FILE
+from mlsanm_cli.io.schema import path_table
 
 FORMAT = 1
 RESULTS = ("bodies", "path", "contacts", "probes", "maps", "fields")

@@ -14,9 +14,8 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.complementarity.equilibrium import BALANCED, equilibrium
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
-from mlsanm_cli.contact.laws.contact_state import ContactState
+from mlsanm_cli.contact.laws.contact_state import ContactState, NoStateError, SlidingError, UnbalancedError
 from mlsanm_cli.contact.laws.coulomb import increment, unloaded
-from mlsanm_cli.contact.laws.failures import NoStateError, SlidingError, UnbalancedError
 from mlsanm_cli.contact.laws.frictionless import solve_exact
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError

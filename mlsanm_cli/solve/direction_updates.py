@@ -24,8 +24,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.contact.complementarity.basis import Basis, SingularError
-from mlsanm_cli.contact.laws.contact_state import ContactState, response
-from mlsanm_cli.contact.laws.failures import UnbalancedError
+from mlsanm_cli.contact.laws.contact_state import ContactState, UnbalancedError, response
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.near_field import as_real
 from mlsanm_cli.mechanics.rigid import ROTATION

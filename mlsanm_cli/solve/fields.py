@@ -11,7 +11,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity.problem import STICK
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.io.columns import Quantities
+from mlsanm_cli.io.schema import Quantities
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.laws.von_mises import ZZ, plastic_stress
 from mlsanm_cli.mechanics.rigid import ROTATION

@@ -9,10 +9,15 @@ from dataclasses import replace
 import numpy as np
 
 from mlsanm_cli.contact.complementarity.problem import OPEN, SLIP
-from mlsanm_cli.contact.laws.contact_state import ContactState, residual
+from mlsanm_cli.contact.laws.contact_state import (
+    ContactState,
+    EndlessError,
+    SlidingError,
+    UnbalancedError,
+    residual,
+)
 from mlsanm_cli.contact.laws.coulomb import event_driven_path
 from mlsanm_cli.contact.laws.coulomb import start as first_state
-from mlsanm_cli.contact.laws.failures import EndlessError, SlidingError, UnbalancedError
 from mlsanm_cli.contact.laws.frictionless import solve_exact
 from mlsanm_cli.contact.response.compressed import compressed
 from mlsanm_cli.errors import NumericalError

@@ -15,7 +15,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Stop
-from mlsanm_cli.io.columns import Quantities
+from mlsanm_cli.io.schema import Quantities
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State
 
 LIMIT_TOLERANCE = 1e-10

@@ -10,8 +10,8 @@ import scipy.linalg as linalg
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.laws.coulomb import event_driven_path, start
+from mlsanm_cli.contact.response.compressed import LinearMap
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.contact.response.linear_map import LinearMap
 from tests.contact.scenes import synthetic
 
 

@@ -16,9 +16,9 @@ from mlsanm_cli.case import parse_case
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.laws.frictionless import solve_exact
+from mlsanm_cli.contact.response.compressed import LinearMap
 from mlsanm_cli.contact.response.condensation import condense
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.solve.condensed_scene import stage_factors
 from tests.case_text import head, load

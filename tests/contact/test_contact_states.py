@@ -14,8 +14,8 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.contact_state import residual
 from mlsanm_cli.contact.laws.coulomb import increment, unloaded
 from mlsanm_cli.contact.laws.frictionless import solve_exact
+from mlsanm_cli.contact.response.compressed import Counts, LinearMap
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.contact.response.linear_map import Counts, LinearMap
 from mlsanm_cli.errors import NumericalError
 from tests.contact.friction import half_planes
 from tests.contact.scenes import synthetic

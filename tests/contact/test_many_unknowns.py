@@ -11,9 +11,8 @@ from mlsanm_cli.contact.geometry.grid import Hats
 from mlsanm_cli.contact.geometry.hat_pairs import HatPairs
 from mlsanm_cli.contact.laws.contact_state import residual
 from mlsanm_cli.contact.laws.frictionless import solve_exact
-from mlsanm_cli.contact.response.compressed import Compressed, as_array
+from mlsanm_cli.contact.response.compressed import Compressed, LinearMap, as_array
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.contact.response.linear_map import LinearMap
 from tests.contact.scenes import synthetic
 
 LOG, TURN = -0.3 * np.eye(2), np.array([[0.0, 0.2], [-0.2, 0.0]])

@@ -10,9 +10,8 @@ import pytest
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.complementarity.solution import Search
-from mlsanm_cli.contact.laws.contact_state import ContactState
+from mlsanm_cli.contact.laws.contact_state import ContactState, SlidingError
 from mlsanm_cli.contact.laws.coulomb import event_driven_path, slides_freely, start
-from mlsanm_cli.contact.laws.failures import SlidingError
 from mlsanm_cli.contact.response.condensed import Condensed
 from tests.contact.friction import half_planes, side_by_side
 

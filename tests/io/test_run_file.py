@@ -13,9 +13,9 @@ import pytest
 from mlsanm_cli import __version__
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_file
-from mlsanm_cli.io.columns import row
 from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.run_reader import read_run
+from mlsanm_cli.io.schema import row
 from tests.processes import printed
 
 M = 7  # slave nodes of the contact

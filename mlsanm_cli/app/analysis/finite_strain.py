@@ -24,7 +24,7 @@ from mlsanm_cli.app.scene.build import Refinement
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.finite.pair import RigidContact
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.io.columns import Quantities
+from mlsanm_cli.io.schema import Quantities
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.mechanics.near_field import as_complex, as_real
 from mlsanm_cli.roundoff import ROUND_OFF

@@ -32,10 +32,10 @@ from mlsanm_cli.app.scene.assemble import NOTHING
 from mlsanm_cli.app.scene.build import Refinement
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.contact.laws.failures import SlidingError
+from mlsanm_cli.contact.laws.contact_state import SlidingError
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.io.columns import Quantities, place
 from mlsanm_cli.io.run_file import Attribute, Value
+from mlsanm_cli.io.schema import Quantities, place
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.memo import digest

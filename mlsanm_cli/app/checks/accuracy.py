@@ -20,7 +20,7 @@ from mlsanm_cli.contact.laws.accuracy import Changes, changes_of, frozen_change,
 from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.laws.frictionless import solve_exact
 from mlsanm_cli.contact.response.bonds import Bonds
-from mlsanm_cli.contact.response.linear_map import LinearMap
+from mlsanm_cli.contact.response.compressed import LinearMap
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import Corrected, correct
 from mlsanm_cli.memo import NO_CACHE, Memo

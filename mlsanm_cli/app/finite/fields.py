@@ -14,7 +14,7 @@ from mlsanm_cli.case import Displacement, ObstacleMotion, Platen
 from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.contact.finite.pair import NO_GAP, BodyContact, RigidContact
 from mlsanm_cli.contact.geometry.profile import unrolled
-from mlsanm_cli.io.columns import Quantities
+from mlsanm_cli.io.schema import Quantities
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.finite.body_series import Forces
 from mlsanm_cli.mechanics.finite.stability import Loaded

@@ -20,8 +20,8 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Stop
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.errors import NumericalError, RunError
-from mlsanm_cli.io.columns import Quantities, place
 from mlsanm_cli.io.run_file import Attribute, Value
+from mlsanm_cli.io.schema import Quantities, place
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.solve.state import Checkpoint, Fields, PathStep, State

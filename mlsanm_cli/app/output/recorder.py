@@ -27,11 +27,10 @@ from mlsanm_cli.case import LoadedCase, resolved_mapping
 from mlsanm_cli.commit import commit
 from mlsanm_cli.errors import NumericalError, RunError, UnstableError
 from mlsanm_cli.io import run_dir
-from mlsanm_cli.io.columns import place, row
 from mlsanm_cli.io.files import EventLog, toml_text, write_csv, write_json_atomic, write_text
 from mlsanm_cli.io.run_file import Attribute, RunFile, Value
 from mlsanm_cli.io.run_reader import RunData
-from mlsanm_cli.io.schema import INTERFACE_COLUMNS
+from mlsanm_cli.io.schema import INTERFACE_COLUMNS, place, row
 from mlsanm_cli.io.vtu import StateWriter, write_parts
 from mlsanm_cli.records import Closing
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State

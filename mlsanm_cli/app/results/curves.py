@@ -23,7 +23,6 @@ from mlsanm_cli.case.model.motions import ObstacleMotion
 from mlsanm_cli.contact.complementarity.problem import SLIP, STICK
 from mlsanm_cli.contact.geometry.profile import regular_peak
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.columns import force_on_slave
 from mlsanm_cli.io.plots.curves import (
     OUTSIDE,
     Curve,
@@ -36,6 +35,7 @@ from mlsanm_cli.io.plots.curves import (
 )
 from mlsanm_cli.io.plots.figures import COLOURS, REFERENCE_LINE
 from mlsanm_cli.io.run_reader import RunData
+from mlsanm_cli.io.schema import force_on_slave
 from mlsanm_cli.roundoff import ROUND_OFF
 
 MAX_LEVELS = 6

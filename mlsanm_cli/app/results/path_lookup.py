@@ -11,8 +11,8 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.geometry.profile import unrolled
 from mlsanm_cli.continuation.series import Branch
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.columns import force_on_slave
 from mlsanm_cli.io.run_reader import Dataset, RunData, read_series
+from mlsanm_cli.io.schema import force_on_slave
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, FINE_ROUND_OFF, ROUND_OFF
 

@@ -16,8 +16,8 @@ from mlsanm_cli.app.results.path_lookup import along_surface, pressures_at, refu
 from mlsanm_cli.case import Case, stored_case
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
-from mlsanm_cli.io.plots.animation import animate as write_frames
 from mlsanm_cli.io.plots.cloud import BodyPicture, plot_bodies
+from mlsanm_cli.io.plots.cloud import animate as write_frames
 from mlsanm_cli.io.plots.curves import Curve, Panel, Picture, draw, visible_range
 from mlsanm_cli.io.plots.figures import COLOURS
 from mlsanm_cli.io.run_reader import RunData, read_run

@@ -15,8 +15,7 @@ from mlsanm_cli.app.scene.materials import flow_laws
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import AnyLoad, Case, Displacement, Platen
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.laws.contact_state import ContactState
-from mlsanm_cli.contact.laws.failures import EndlessError, UnbalancedError
+from mlsanm_cli.contact.laws.contact_state import ContactState, EndlessError, UnbalancedError
 from mlsanm_cli.contact.response.coercivity import check_coercivity, contact_coercivity
 from mlsanm_cli.contact.response.condensation import condense
 from mlsanm_cli.contact.response.condensed import Condensed

@@ -13,8 +13,7 @@ from mlsanm_cli.contact.complementarity import history
 from mlsanm_cli.contact.complementarity.basis import Ray
 from mlsanm_cli.contact.complementarity.problem import GRAZING, ContactStatus, Problem
 from mlsanm_cli.contact.complementarity.solution import State, solve
-from mlsanm_cli.contact.laws.contact_state import ContactState, residual
-from mlsanm_cli.contact.laws.failures import NoStateError, SlidingError
+from mlsanm_cli.contact.laws.contact_state import ContactState, NoStateError, SlidingError, residual
 from mlsanm_cli.contact.response.compressed import null_space
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError

@@ -19,8 +19,7 @@ from mlsanm_cli.contact.complementarity.basis import Ray
 from mlsanm_cli.contact.complementarity.equilibrium import collapse
 from mlsanm_cli.contact.complementarity.problem import FEASIBLE, ContactStatus
 from mlsanm_cli.contact.complementarity.solution import solve
-from mlsanm_cli.contact.laws.contact_state import ContactState
-from mlsanm_cli.contact.laws.failures import EndlessError, UnbalancedError
+from mlsanm_cli.contact.laws.contact_state import ContactState, EndlessError, UnbalancedError
 from mlsanm_cli.contact.response.compressed import SINGULAR, Compressed, compressed
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError

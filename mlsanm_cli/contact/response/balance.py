@@ -14,7 +14,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.basis import Drivers
-from mlsanm_cli.contact.response.linear_map import LinearMap, stack
+from mlsanm_cli.contact.response.compressed import LinearMap, stack
 from mlsanm_cli.mechanics.near_field import as_real
 from mlsanm_cli.mechanics.rigid import ROTATION, motions_of
 from mlsanm_cli.mechanics.scene import RigidConstraint, RigidMotion, Scene

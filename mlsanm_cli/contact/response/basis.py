@@ -21,7 +21,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.geometry.surface_response import SurfaceResponse
-from mlsanm_cli.contact.response.linear_map import Counts, LinearMap
+from mlsanm_cli.contact.response.compressed import Counts, LinearMap
 from mlsanm_cli.contact.response.nodal import NodalBasis
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.near_field import Isotropic, as_real

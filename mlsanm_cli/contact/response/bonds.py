@@ -17,8 +17,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.geometry.pairing import Pairing, facing_spacing
 from mlsanm_cli.contact.response.basis import Drivers, spans
-from mlsanm_cli.contact.response.compressed import SINGULAR
-from mlsanm_cli.contact.response.linear_map import LinearMap
+from mlsanm_cli.contact.response.compressed import SINGULAR, LinearMap
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.records import dataclass

@@ -20,11 +20,17 @@ from mlsanm_cli.contact.geometry.surface_response import SurfaceResponse
 from mlsanm_cli.contact.response.balance import ForceSums, wall_forces
 from mlsanm_cli.contact.response.basis import Drivers, spans
 from mlsanm_cli.contact.response.bonds import bind
-from mlsanm_cli.contact.response.compressed import COMPRESSED_CONTACT, COMPRESSED_TOTAL, Compressed, as_array
+from mlsanm_cli.contact.response.compressed import (
+    COMPRESSED_CONTACT,
+    COMPRESSED_TOTAL,
+    Compressed,
+    LinearMap,
+    as_array,
+    stack,
+)
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.contact_fields import NearFields
 from mlsanm_cli.contact.response.eigenstress import Eigenstresses, flowing, narrowed, widened
-from mlsanm_cli.contact.response.linear_map import LinearMap, stack
 from mlsanm_cli.contact.response.nodal import correct_short_waves
 from mlsanm_cli.contact.response.responses import BodyResponses, used_columns, without_coefficients
 from mlsanm_cli.mechanics.near_field import as_complex

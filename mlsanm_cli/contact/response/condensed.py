@@ -26,9 +26,8 @@ from mlsanm_cli.contact.complementarity.problem import Problem
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.basis import Drivers, spans
 from mlsanm_cli.contact.response.bonds import Bonds
-from mlsanm_cli.contact.response.compressed import Bordered, Multiplier, compressed, largest
+from mlsanm_cli.contact.response.compressed import Bordered, LinearMap, Multiplier, compressed, largest
 from mlsanm_cli.contact.response.contact_fields import NearFields
-from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Memo

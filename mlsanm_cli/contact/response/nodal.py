@@ -13,7 +13,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import GAUSS, Halves
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.geometry.pairing import Pairing, facing_parts, opposed
-from mlsanm_cli.contact.response.linear_map import LinearMap
+from mlsanm_cli.contact.response.compressed import LinearMap
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.pieces import turned_along
 from mlsanm_cli.operators.stencil_weights import nodal_pairs
