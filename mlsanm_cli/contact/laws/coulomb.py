@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity import history
 from mlsanm_cli.contact.complementarity.basis import Ray
 from mlsanm_cli.contact.complementarity.problem import GRAZING, ContactStatus, Problem
@@ -17,7 +17,7 @@ from mlsanm_cli.contact.laws.contact_state import ContactState, NoStateError, Sl
 from mlsanm_cli.contact.response.compressed import null_space
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
+from mlsanm_cli.roundoff import ROUND_OFF
 
 FIRST_PATCH = 32
 """Number of nodes of every contact around its closest one from which the search of a first touch starts."""
@@ -30,10 +30,6 @@ MAX_NORMAL_SHARE = 0.2
 """Motions with a smaller normal part at the contact are resisted by friction only."""
 WEDGE_SHARE = 0.02
 """Motions whose mean normal part over a contact is larger close it like a wedge."""
-MIN_CLOSING = 0.01
-"""Sliding below this fraction of the normal approach is negligible."""
-MIN_DRIVE = 0.5
-"""Sliding that tractions of several contacts balance, apart from less than this part, is not driven."""
 SLIDING_RATIO = 100.0
 """Sliding this many times as fast as everything else is driven by the load."""
 
@@ -189,9 +185,7 @@ def slides_freely(condensed: Condensed, rates: ContactState) -> bool:
     nodes.
 
     Any combination of unknown motions counts that moves no sticking node, and closed nodes hardly in normal
-    direction, even less in the mean over a contact. It must be by far the fastest, or dominate the approach
-    of the surfaces and be driven: a shaft that settles in a groove slips on both sides, but its tractions
-    balance. In a hollow it must be by far the fastest: a pin in a hook that bends climbs until that holds it.
+    direction, even less in the mean over a contact. It must be by far the fastest.
     """
     free = np.flatnonzero(~condensed.balance.motion.any(axis=1))
     slipping, closed, root = rates.status.slip_sign != 0.0, rates.closed, np.sqrt(condensed.weight)
@@ -227,42 +221,4 @@ def slides_freely(condensed: Condensed, rates: ContactState) -> bool:
         return False
     whole = both @ rates.motion[free]
     slid = left @ (along @ (along.T @ (left.T @ whole)))
-    if np.linalg.norm(slid) > SLIDING_RATIO * np.linalg.norm(whole - slid):
-        return True
-    rising = along @ _not_in_hollows(condensed, closed, free, motions @ modes @ along)
-    parts = rising.T @ (left.T @ whole)
-    slid = left @ (rising @ parts)
-    if np.linalg.norm(slid[: len(across)]) <= MIN_CLOSING * np.linalg.norm(whole[: len(across)]):
-        return False
-    # Changes of the loads or of one contact's tractions drive it, as its opposite pressures show, rather than
-    # tractions of several contacts that balance.
-    motion, balance = motions @ modes @ rising @ parts, condensed.balance
-    pressed = float(motion @ balance.pressure[free] @ rates.pressure)
-    sheared = [
-        float(motion @ balance.traction[free][:, span] @ rates.traction[span])
-        for span in condensed.tangential.values()
-    ]
-    loaded = abs(-pressed - sum(sheared))
-    return abs(pressed) >= MIN_DRIVE * (loaded + sum(map(abs, sheared)))
-
-
-def _not_in_hollows(
-    condensed: Condensed, closed: BoolArray, free: IntArray, motions: FloatArray
-) -> FloatArray:
-    """Orthonormal combinations (d, e) of ``motions`` (f, d) of the ``free`` (f,) ones along which ``closed``
-    (m,) contacts do not close ahead of the sliding body, as hollows do."""
-    closing, scale = np.zeros((motions.shape[1], motions.shape[1])), 0.0
-    for span in condensed.tangential.values():
-        nodes = condensed.friction_nodes[span]
-        weight = np.where(closed[nodes], condensed.weight[nodes], 0.0)
-        if not weight.sum() > 0.0:
-            continue
-        place = np.cumsum(condensed.weight[nodes])
-        lever = weight * (place - weight @ place / weight.sum())
-        gaps = condensed.gap.motion[nodes][:, free] @ motions
-        slips = condensed.slip.motion[span][:, free] @ motions
-        # Gaps that shrink ahead of where the slave slides to: along its surface, as places are counted.
-        closing -= np.outer(lever @ gaps, weight @ slips / weight.sum())
-        scale += float(np.abs(lever).sum() * np.abs(slips).max(initial=0.0) ** 2)
-    values, directions = np.linalg.eigh(0.5 * (closing + closing.T))
-    return np.asarray(directions[:, values <= COARSE_ROUND_OFF * scale])
+    return bool(np.linalg.norm(slid) > SLIDING_RATIO * np.linalg.norm(whole - slid))
