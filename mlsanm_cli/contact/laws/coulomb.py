@@ -149,8 +149,13 @@ def event_driven_path(
 
 
 def _slides(condensed: Condensed, before: State, after: State, begin: FloatArray, change: FloatArray) -> bool:
-    """Whether the rates from one state to the next are those of a contact that slides as a whole and is
-    driven by loads, not of bodies that others graze."""
+    """Whether the rates from one state to the next are a motion of force-controlled constraints along
+    slipping contacts only, driven by loads; where these are curved no ray of the contact problem, as such a
+    motion opens and closes nodes.
+
+    Any combination of unknown motions counts that moves no sticking node, and closed nodes hardly in normal
+    direction, even less in the mean over a contact. It must be by far the fastest.
+    """
     assert after.rates is not None
     p, status = condensed.problem, after.status
     moved = np.abs(after.rates.x[p.contacts :])
@@ -158,44 +163,18 @@ def _slides(condensed: Condensed, before: State, after: State, begin: FloatArray
     load = np.abs(condensed.balance.load) @ size
     if not load[moved > MIN_SPEED * moved.max(initial=0.0)].any():
         return False
+    # Others graze.
     pressed = after.x[: p.m] > GRAZING * p.size(after.x)
-    loaded = replace(status, slip_sign=np.where(pressed[p.nodes], status.slip_sign, 0.0))
-    return slides_freely(condensed, ContactState.unscaled(p, loaded, after.rates.x, after.rates.w))
-
-
-def _unscaled(condensed: Condensed, state: State, factors: FloatArray) -> ContactState:
-    p = condensed.problem
-    slips = p.rows[p.m : p.contacts]
-    history = {"reference": state.reference / slips, "work": state.work / slips, "fraction": state.lam}
-    counts = {"solves": state.systems, "jumped": state.jumped}
-    return ContactState.unscaled(p, state.status, state.x, state.w, factors=factors, **history, **counts)
-
-
-def _scaled(condensed: Condensed, state: ContactState, lam: float = 0.0) -> State:
-    p = condensed.problem
-    x = np.concatenate([state.pressure, state.traction, state.motion]) / p.columns
-    w = p.rows * np.concatenate([state.gap, state.slip, np.zeros(p.k)])
-    slips = p.rows[p.m : p.contacts]
-    return State(state.status, x, w, reference=slips * state.reference, work=slips * state.work, lam=lam)
-
-
-def slides_freely(condensed: Condensed, rates: ContactState) -> bool:
-    """Whether the ``rates`` of a slipping state are a motion of force-controlled constraints along slipping
-    contacts only; where these are curved no ray of the contact problem, as such a motion opens and closes
-    nodes.
-
-    Any combination of unknown motions counts that moves no sticking node, and closed nodes hardly in normal
-    direction, even less in the mean over a contact. It must be by far the fastest.
-    """
     free = np.flatnonzero(~condensed.balance.motion.any(axis=1))
-    slipping, closed, root = rates.status.slip_sign != 0.0, rates.closed, np.sqrt(condensed.weight)
+    slipping = (status.slip_sign != 0.0) & pressed[p.nodes]
+    closed, root = status.closed, np.sqrt(condensed.weight)
     if not slipping.any() or not len(free):
         return False
     across = (root[:, None] * condensed.gap.motion[:, free])[closed]
     tangential = root[condensed.friction_nodes, None] * condensed.slip.motion[:, free]
     largest = np.sqrt((across**2).sum(axis=0) + (tangential**2).sum(axis=0))
     units = np.diag(1.0 / np.where(largest > 0.0, largest, 1.0))
-    motions = units @ null_space(tangential[rates.status.stuck] @ units)
+    motions = units @ null_space(tangential[status.stuck] @ units)
     if not motions.size:
         return False
     both = np.vstack([across, tangential[slipping]])
@@ -219,6 +198,22 @@ def slides_freely(condensed: Condensed, rates: ContactState) -> bool:
     along = little @ right[np.append(means, np.zeros(len(right) - len(means))) < WEDGE_SHARE].T
     if not along.size:
         return False
-    whole = both @ rates.motion[free]
+    whole = both @ (p.columns * after.rates.x)[p.contacts :][free]
     slid = left @ (along @ (along.T @ (left.T @ whole)))
     return bool(np.linalg.norm(slid) > SLIDING_RATIO * np.linalg.norm(whole - slid))
+
+
+def _unscaled(condensed: Condensed, state: State, factors: FloatArray) -> ContactState:
+    p = condensed.problem
+    slips = p.rows[p.m : p.contacts]
+    history = {"reference": state.reference / slips, "work": state.work / slips, "fraction": state.lam}
+    counts = {"solves": state.systems, "jumped": state.jumped}
+    return ContactState.unscaled(p, state.status, state.x, state.w, factors=factors, **history, **counts)
+
+
+def _scaled(condensed: Condensed, state: ContactState, lam: float = 0.0) -> State:
+    p = condensed.problem
+    x = np.concatenate([state.pressure, state.traction, state.motion]) / p.columns
+    w = p.rows * np.concatenate([state.gap, state.slip, np.zeros(p.k)])
+    slips = p.rows[p.m : p.contacts]
+    return State(state.status, x, w, reference=slips * state.reference, work=slips * state.work, lam=lam)
