@@ -28,12 +28,7 @@ from mlsanm_cli.io.plots.curves import Curve, Panel, Picture, draw  # noqa: E402
 from mlsanm_cli.mechanics.assembly import assemble  # noqa: E402
 from mlsanm_cli.mechanics.body_model import BodyModel  # noqa: E402
 from mlsanm_cli.operators.neighbors import MlsSettings  # noqa: E402
-from tests.mechanics.bodies import (  # noqa: E402
-    STEEL,
-    boundary_values,
-    jittered_square,
-    with_body_force,
-)
+from tests.mechanics.bodies import STEEL, boundary_values, jittered_square, with_body_force  # noqa: E402
 from tests.mechanics.waves import Wave  # noqa: E402
 
 SIDES = (17, 33, 65, 129)

@@ -13,9 +13,8 @@ from scipy.spatial import cKDTree
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import Faces, Halves, dual_faces
 from mlsanm_cli.cloud.membership import boundary_chords, inside_body, joints, twice_area
-from mlsanm_cli.cloud.sight import VisibilityCriterion, triangulate, visibility_criterion
+from mlsanm_cli.cloud.sight import Tips, VisibilityCriterion, tips_of, triangulate, visibility_criterion
 from mlsanm_cli.cloud.surface import SMOOTH_ANGLE, Surface, boundary_of
-from mlsanm_cli.cloud.tips import Tips, tips_of
 from mlsanm_cli.memo import digest
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF

@@ -137,12 +137,7 @@ def iterate(
 
 @np.errstate(over="ignore", invalid="ignore")
 def correct_end(
-    problem: Problem,
-    start: ExpansionPoint,
-    x: FloatArray,
-    lam: float,
-    options: PathOptions,
-    effort: Effort,
+    problem: Problem, start: ExpansionPoint, x: FloatArray, lam: float, options: PathOptions, effort: Effort
 ) -> Correction | None:
     """Correct the end of a step to the path, at its load factor; None when that fails. The factorised tangent
     of the step's start is used, and a new one if that converges slowly. Counts are added to ``effort``."""

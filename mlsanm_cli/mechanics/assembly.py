@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import Halves
 from mlsanm_cli.cloud.cloud import Cloud, nearest
-from mlsanm_cli.cloud.tips import SMOOTH_TURN
+from mlsanm_cli.cloud.sight import SMOOTH_TURN
 from mlsanm_cli.mechanics.body import BodyEquations, ElasticBody, first_rows
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.elasticity import first_order_rows, moduli_of, traction_moduli

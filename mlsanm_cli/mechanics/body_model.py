@@ -11,7 +11,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.tips import Tips
+from mlsanm_cli.cloud.sight import Tips
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.elasticity import (
     XX,
@@ -59,13 +59,7 @@ class BodyModel:
     stencils: Stencils
 
     @classmethod
-    def build(
-        cls,
-        name: str,
-        cloud: Cloud,
-        material: PlaneMaterial,
-        settings: MlsSettings,
-    ) -> BodyModel:
+    def build(cls, name: str, cloud: Cloud, material: PlaneMaterial, settings: MlsSettings) -> BodyModel:
         """Build stencils with second derivatives at every node. Raises NumericalError if nodes are too close
         or a part is too thin."""
         distance = cloud.separation[0].min()

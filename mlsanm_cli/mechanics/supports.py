@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud, nearest
-from mlsanm_cli.cloud.tips import SMOOTH_TURN
+from mlsanm_cli.cloud.sight import SMOOTH_TURN
 from mlsanm_cli.mechanics.material import PlaneMaterial
 
 Springs = Mapping[str, tuple[float, float]]

@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.sight import VisibilityCriterion
-from mlsanm_cli.cloud.tips import Tips
+from mlsanm_cli.cloud.sight import Tips, VisibilityCriterion
 from mlsanm_cli.operators.neighbors import (
     EXTRA_NODES,
     TIE_TOLERANCE,

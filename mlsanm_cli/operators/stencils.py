@@ -10,8 +10,7 @@ from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
 from mlsanm_cli.cloud.cloud import Mirror, radius_of
-from mlsanm_cli.cloud.sight import VisibilityCriterion
-from mlsanm_cli.cloud.tips import Tips
+from mlsanm_cli.cloud.sight import Tips, VisibilityCriterion
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.kernels.stencils import mls_weights
 from mlsanm_cli.operators.neighbors import ONE_SIDED_RADIUS, WEIGHT_EXPONENT, MlsSettings, neighbors_of

@@ -7,10 +7,7 @@ import pytest
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.response.coercivity import (
-    contact_stability,
-    relative_resistance,
-)
+from mlsanm_cli.contact.response.coercivity import contact_stability, relative_resistance
 from mlsanm_cli.contact.response.nodal import slip_fit
 from tests.contact.scenes import Small, cylinder
 

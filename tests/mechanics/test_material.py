@@ -8,12 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mlsanm_cli.mechanics.elasticity import von_mises
-from mlsanm_cli.mechanics.material import (
-    LOCKING_RATIO,
-    anisotropic,
-    isotropic,
-    orthotropic,
-)
+from mlsanm_cli.mechanics.material import LOCKING_RATIO, anisotropic, isotropic, orthotropic
 
 
 @given(xx=st.floats(-10, 10), yy=st.floats(-10, 10), xy=st.floats(-10, 10), ratio=st.floats(0.0, 0.5))

@@ -80,10 +80,7 @@ def test_fluxes_of_even_and_linear_stress_balance_on_every_piece(
         source = boundary_values(body, lambda at: 0.0 * at, stress)
         if stress is linear:
             source = with_body_force(body, source, linear_force)
-        out, loads = (
-            body.pieces.fluxes(of_edges(stress), body.restrained, GAUSS[2]),
-            body.loads @ source,
-        )
+        out, loads = (body.pieces.fluxes(of_edges(stress), body.restrained, GAUSS[2]), body.loads @ source)
         assert np.abs(out).max() > 1e-2
         np.testing.assert_allclose(loads, out, rtol=0.0, atol=1e-12)
 

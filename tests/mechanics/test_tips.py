@@ -11,8 +11,8 @@ import pytest
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import disk
+from mlsanm_cli.cloud.sight import Tips
 from mlsanm_cli.cloud.spacing import Spacing, build_cloud
-from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.elasticity import first_order_rows, moduli_of, traction_moduli

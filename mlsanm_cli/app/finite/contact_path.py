@@ -63,10 +63,7 @@ KEPT |= {"slip": "increment", "traction": "side_traction"}
 
 
 def contact_path(
-    scene: FiniteScene,
-    checkpoint: Checkpoint | None = None,
-    at: tuple[float, ...] = (),
-    coarse: bool = False,
+    scene: FiniteScene, checkpoint: Checkpoint | None = None, at: tuple[float, ...] = (), coarse: bool = False
 ) -> Iterator[PathStep]:
     """All steps from the initial state on, or those after a ``checkpoint``; further positions ``at`` are
     saved. A ``coarse`` path tells where bodies touch. NumericalError if the path cannot be continued."""

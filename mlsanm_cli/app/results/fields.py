@@ -20,8 +20,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case, Place, Temperature
 from mlsanm_cli.cloud.cloud import imaged, with_images
 from mlsanm_cli.cloud.membership import boundary_chords, inside_body
-from mlsanm_cli.cloud.sight import triangulate, visibility_criterion
-from mlsanm_cli.cloud.tips import tips_of
+from mlsanm_cli.cloud.sight import tips_of, triangulate, visibility_criterion
 from mlsanm_cli.contact.geometry.profile import THRESHOLD
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import schema

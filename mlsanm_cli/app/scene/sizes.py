@@ -28,8 +28,8 @@ from mlsanm_cli.case import Body
 from mlsanm_cli.case.model.conditions import Support
 from mlsanm_cli.cloud.cloud import OPPOSITE_COSINE
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, turn
+from mlsanm_cli.cloud.sight import SMOOTH_TURN
 from mlsanm_cli.cloud.spacing import Zone
-from mlsanm_cli.cloud.tips import SMOOTH_TURN
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
 PER_SIZE, PER_THICKNESS = 20.0, 6.0

@@ -65,11 +65,7 @@ class Law(ABC):
         return Response(self, Tape(orders, jets, points), warm, apart)
 
     def state(
-        self,
-        gradient: FloatArray,
-        degrees: FloatArray | None = None,
-        orders: int = 0,
-        apart: bool = False,
+        self, gradient: FloatArray, degrees: FloatArray | None = None, orders: int = 0, apart: bool = False
     ) -> Response:
         """The response, values only, to a displacement ``gradient`` (4, n) and temperature change (n,)."""
         response = self.series(orders, 1, gradient.shape[1], degrees is not None, apart)

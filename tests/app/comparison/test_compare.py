@@ -83,10 +83,7 @@ def test_the_file_and_the_picture(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("text", "overrides"),
-    [
-        (SHEARED, SMOOTH),
-        (hertz(), (*COARSE, EXACT_LAW, "contact.interface.regularization.eta=1e-2")),
-    ],
+    [(SHEARED, SMOOTH), (hertz(), (*COARSE, EXACT_LAW, "contact.interface.regularization.eta=1e-2"))],
     ids=["friction", "exact"],
 )
 def test_smooth_and_exact_laws_agree_within_their_limit(
