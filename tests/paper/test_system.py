@@ -122,8 +122,8 @@ def test_friction_remembers(tmp_path: Path) -> None:
     assert np.abs(released - pressed).max() > 0.2 * largest
     weight = contact.weight
     assert weight @ released == pytest.approx(0.0, abs=1e-6 * weight @ np.abs(sheared))
-    # Collocated bodies balance their loads to 4e-5.
-    assert weight @ back == pytest.approx(-weight @ sheared, rel=4e-5)
+    # Collocated bodies balance their loads to 4e-5, both ways alike.
+    assert weight @ back == pytest.approx(-weight @ sheared, rel=2e-6)
     assert np.diff(contact.dissipated_work).min() >= -0.01 * contact.dissipated_work[-1]
     assert summary["contacts"]["interface"]["max_cone_ratio"] <= 1.1
 
